@@ -214,3 +214,10 @@ def innermost_pixel(where: np.ndarray) -> tuple[int, int]:
     distance = cv2.distanceTransform(np.pad(where.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
     row, column = np.unravel_index(int(distance.argmax()), distance.shape)
     return int(column), int(row)
+
+
+def box_round(where: np.ndarray, margin: float = 0) -> tuple[float, float, float, float]:
+    """x, y, width, height of the box of `where` (H x W, not empty), so many px larger on each side."""
+    rows, columns = np.nonzero(where)
+    wide, high = (float(np.ptp(each)) + 1 + 2 * margin for each in (columns, rows))
+    return columns.min() - margin, rows.min() - margin, wide, high

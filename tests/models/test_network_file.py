@@ -15,7 +15,7 @@ import pytest
 
 from dlama.errors import FileError, InputError
 from dlama.models.contracts import CONTRACT_KEY, ColorContract
-from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, file_stamp, make_room, open_kept
+from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, make_room, open_kept
 from dlama.models.verify import PIECE
 from tiny_networks import constant
 
@@ -76,13 +76,11 @@ def test_bad_files_and_settings_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty.onnx").touch()
     three = {"planes": np.zeros((1, 3, 5, 6), np.float32)}
     calls: list[tuple[Callable[[], object], str]] = [
-        (lambda: file_stamp(tmp_path / "empty.onnx"), r"empty\.onnx: is empty \(0 bytes\)"),
-        (lambda: NetworkFile(tmp_path / "none.onnx"), r"none\.onnx: no such model file"),
-        (lambda: file_stamp(tmp_path / "none.onnx"), r"none\.onnx: no such model file"),
+        (lambda: open_kept(NetworkFile, tmp_path / "empty.onnx"), r"empty\.onnx: is empty \(0 bytes\)"),
+        (lambda: open_kept(NetworkFile, tmp_path / "none.onnx"), r"none\.onnx: no such model file"),
         (lambda: NetworkFile(tmp_path / "text.onnx").session, r"text\.onnx: cannot be opened .*dlama models convert"),
         (lambda: NetworkFile(good).run(three), r"c\.onnx: failed on .*'planes': \(1, 3, 5, 6\)"),
         (lambda: NetworkFile(good, provider="tpu"), "provider is 'tpu'; one of cuda"),
-        (lambda: NetworkFile(good, threads=0), "threads is 0"),
     ]
     for call, words in calls:
         with pytest.raises((FileError, InputError), match=words):

@@ -126,32 +126,6 @@ def test_both_ranks_and_both_layouts(tmp_path: Path) -> None:
     np.testing.assert_allclose(last.values, four.values, rtol=1e-5)
 
 
-def test_relative_inverse_depth_becomes_metres(tmp_path: Path) -> None:
-    """Closed form: 1 / z is proportional to what the network says, and the median is 3 m."""
-    path = weighted_sum(
-        tmp_path / "r.onnx", bias=0.1, about=DepthContract("inverse depth", side=48, multiple=16).metadata()
-    )
-    with pytest.warns(UserWarning, match="scale of the estimated depth is assumed"):
-        found = estimate_depth(COLOR, Camera.from_fov(64, 48, 60), depth_model=path, sharpen=False)
-    inverse = shown(COLOR, np.zeros(3), np.ones(3)) + 0.1
-    np.testing.assert_allclose(found.depth * inverse, np.median(inverse) * 3, rtol=1e-4)
-    assert found.meta["estimator"] == "r.onnx"
-
-
-def test_metric_depth_stays_as_it_is(tmp_path: Path) -> None:
-    """Closed form, under the name of a catalogue's network: metres, no warning."""
-    path = weighted_sum(tmp_path / "m.onnx", rank=3, bias=8)
-    color = np.random.default_rng(1).integers(0, 256, (518, 518, 3), np.uint8)
-    found = estimate_depth(
-        color, Camera.from_fov(518, 518, 60), depth_model=f"depth-anything-indoor={path}", sharpen=False
-    )
-    contract = ESTIMATORS["depth-anything-indoor"]
-    np.testing.assert_allclose(
-        found.depth, shown(color, np.array(contract.mean), np.array(contract.std)) + 8, rtol=1e-4
-    )
-    assert found.meta["gives"] == "metric depth" and found.meta["scale"]["rule"] == "metric model"
-
-
 def point_network(path: Path, points: np.ndarray, mask: np.ndarray, scale: float, names: tuple[str, ...]) -> Path:
     """Gives the same points, mask and metric scale whatever it sees, and takes a number of tokens as MoGe does."""
     constants = {"p": points[None].astype(np.float32), "m": mask[None].astype(np.float32), "s": np.float32([scale])}
@@ -161,9 +135,10 @@ def point_network(path: Path, points: np.ndarray, mask: np.ndarray, scale: float
     return saved(path, nodes, (inputs, ends), constants)
 
 
-@pytest.mark.parametrize("last", ["metric_scale", "scale"])
-def test_points_come_with_sky_scale_and_field_of_view(tmp_path: Path, last: str) -> None:
-    """Closed form: points of a slanted plane at half their metric size, z shifted; where the mask says no it is sky."""
+@pytest.mark.parametrize(("last", "given"), [("metric_scale", False), ("scale", True)])
+def test_points_come_with_sky_scale_and_field_of_view(tmp_path: Path, last: str, given: bool) -> None:
+    """Closed form: points of a slanted plane at half their metric size, z shifted; where the mask says no it is sky. A given
+    camera is kept."""
     camera = Camera.from_fov(64, 48, 70)
     rows, columns = np.mgrid[:48, :64]
     z = 1 / (0.1 + 0.004 * rows)
@@ -172,11 +147,12 @@ def test_points_come_with_sky_scale_and_field_of_view(tmp_path: Path, last: str)
     points = np.stack([x, y, z - 2], 2) / 2
     points[~mask] = np.inf
     path = point_network(tmp_path / "p.onnx", points, mask, 2.0, ("points", "mask", last))
-    found = estimate_depth(COLOR, depth_model=f"moge-small={path}", sharpen=False)
+    found = estimate_depth(COLOR, camera if given else None, depth_model=f"moge-small={path}", sharpen=False)
     np.testing.assert_allclose(found.depth[mask], z[mask], rtol=2e-3)
     assert np.isposinf(found.depth[~mask]).all()
-    assert found.camera.fx == pytest.approx(camera.fx, rel=2e-3)
+    assert found.camera.fx == pytest.approx(camera.fx, rel=2e-3) and (found.camera is camera) == given
     assert found.meta["gives"] == "metric points"
+    assert found.meta["field_of_view"]["from"] == ("given" if given else "the network")
 
 
 def test_a_file_tells_its_contract(tmp_path: Path) -> None:

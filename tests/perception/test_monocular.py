@@ -119,27 +119,6 @@ def test_the_network_that_ships_sees_near_ground_and_far_wall() -> None:
     np.testing.assert_array_equal(again.depth, found.depth)
 
 
-def test_points_give_depth_and_field_of_view() -> None:
-    """Closed form: the points of a frame, z shifted away, come back with its depth and its 60 degrees; a given camera is kept."""
-    rows, columns = np.mgrid[:48, :64]
-    z = RGBD_OF_WORLD.depth
-    x, y = (columns + 0.5 - CAMERA.cx) / CAMERA.fx * z, (rows + 0.5 - CAMERA.cy) / CAMERA.fy * z
-    points = np.stack([x, y, z - 1.7], 2).astype(np.float32)
-    sky = np.zeros(z.shape, np.bool_)
-    sky[:3] = True
-    points[sky] = 99
-
-    def fake(color: UInt8Array) -> DepthPrediction:
-        return DepthPrediction(points, "points", True, sky)
-
-    free, given = (estimate_depth(RGBD_OF_WORLD.color, one, depth_model=fake, sharpen=False) for one in (None, CAMERA))
-    for found in (free, given):
-        np.testing.assert_allclose(found.depth[~sky], z[~sky], rtol=1e-3)
-        assert np.isposinf(found.depth[sky]).all()
-    assert free.camera.fx == pytest.approx(CAMERA.fx, rel=1e-3) and free.meta["field_of_view"]["from"] == "the network"
-    assert given.camera is CAMERA and given.meta["field_of_view"]["from"] == "given"
-
-
 def test_smaller_maps_are_enlarged_in_inverse_depth() -> None:
     """Closed form: a plane is affine in inverse depth, so a quarter of its pixels gives it back between their centres."""
     w = np.linspace(0.2, 0.6, 12, dtype=np.float32)[:, None] * np.ones((1, 16), np.float32)

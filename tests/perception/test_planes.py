@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
@@ -64,29 +63,6 @@ def samples(seed: int, count: int = 60) -> tuple[np.ndarray, ...]:
     u, v = rng.integers(0, 40, (2, count)) + 0.5
     w = np.where(rng.random(count) < 0.5, 0.2 + 0.002 * u + 0.001 * v, 0.6 - 0.003 * v)
     return u, v, np.where(rng.random(count) < 0.3, rng.uniform(0.1, 1, count), w), rng.random(count) < 0.8
-
-
-@njit
-def compiled_plane_through(u, v, w, i, j, k):  # type: ignore[no-untyped-def]
-    """Pieces of kernels can be called by compiled code only."""
-    return plane_kernels.plane_through(u, v, w, i, j, k)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_plane_through_three_samples(seed: int) -> None:
-    """Twin: a 3x3 system. Three samples on (nearly) one line give no plane."""
-    u, v, w, _ = samples(seed)
-    rng = np.random.default_rng(seed)
-    for _ in range(20):
-        three = rng.choice(len(u), 3, replace=False)
-        area = np.linalg.det(np.stack([u[three], v[three], np.ones(3)], 1))
-        got = compiled_plane_through(u, v, w, *three)
-        if abs(area) <= 4:
-            np.testing.assert_array_equal(got, 0)
-        else:
-            np.testing.assert_allclose(got, twin.through(u, v, w, three), rtol=1e-9, atol=1e-9)
-    u[:3], v[:3] = (1.5, 5.5, 9.5), (2.5, 6.5, 10.5)
-    np.testing.assert_array_equal(compiled_plane_through(u, v, w, 0, 1, 2), 0)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -12,6 +12,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,13 +20,8 @@ from dlama.errors import OutputError
 
 Progress: TypeAlias = Callable[[int, int | None], None]
 
-SILENT_SECONDS = 30.0
-"""A server may be."""
 PIECE = 1 << 18
 LONGEST = 4 << 30
-TRIES = 4
-RANGE_REFUSED = 416
-PARTIAL = 206
 WEB_PAGE = "a web page came instead of the file (moved, or a login is asked for)"
 
 
@@ -70,7 +66,7 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
 def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None, resumes: bool) -> bool:
     """As `download`, which removes what is left of a failure."""
     resumed, before = False, -1
-    for _ in range(TRIES):
+    for _ in range(4):
         start_at = _size_of(part) if resumes else 0
         if start_at <= before:  # a whole try brought nothing
             break
@@ -90,7 +86,7 @@ def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Prog
     request = urllib.request.Request(url, headers={"User-Agent": "dlama", "Accept-Encoding": "identity"})
     if start_at:
         request.add_header("Range", f"bytes={start_at}-")
-    with _name_failures(part), urllib.request.urlopen(request, timeout=SILENT_SECONDS) as response:
+    with _name_failures(part), urllib.request.urlopen(request, timeout=30) as response:
         start, total = _announced(url, response, start_at, size)
         with _disk_errors(part):
             sink = part.open("ab" if start else "wb")
@@ -138,7 +134,7 @@ def _announced(url: str, response: Any, start_at: int, size: int | None) -> tupl
     length = headers.get("Content-Length", "")
     total = int(length) if length.isdecimal() else None
     start = 0
-    if response.status == PARTIAL:
+    if response.status == HTTPStatus.PARTIAL_CONTENT:
         start, total = start_at, _total_of_range(headers.get("Content-Range", ""), start_at)
     if size is not None and total is not None and total != size:
         raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
@@ -159,7 +155,7 @@ def _name_failures(part: Path) -> Iterator[None]:
         yield
     except urllib.error.HTTPError as error:
         error.close()
-        if error.code == RANGE_REFUSED:
+        if error.code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
             part.unlink(missing_ok=True)
             raise _BrokeOff("what had arrived before does not fit its file") from error
         kind = Moved if error.code in (404, 410) else Unusable

@@ -19,7 +19,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from dlama.arguments import check_count, check_word
+from dlama.arguments import check_word
 from dlama.errors import DlamaError, FileError, InputError, first_line, import_extra, system_errors
 from dlama.models.verify import sha256_of
 
@@ -31,16 +31,12 @@ PROVIDERS = {
     "openvino": "OpenVINOExecutionProvider",
 }
 """ONNX Runtime's, in the order of preference; what comes after cpu only where it is asked for."""
-PROVIDER_VARIABLE = "DLAMA_PROVIDER"
-"""Environment variable that names the provider where the code does not."""
 ASSETS = Path(__file__).parents[1] / "assets"
 """Folder of the networks that ship in the package."""
 N = TypeVar("N", bound="NetworkFile")
 
 LARGE = 3_000_000
 """Pixels of a picture that is filled from which on networks give back the memory that they keep between runs."""
-M_MMAP_THRESHOLD, MAPPED = -3, 2**23
-"""glibc's option of the bytes from which an array has pages of its own; left alone it grows to four times as many."""
 
 
 def cores() -> int:
@@ -55,13 +51,13 @@ def processor_count() -> int:
 
 
 def default_provider() -> str | None:
-    """What DLAMA_PROVIDER names; None: the first of ONNX Runtime's that is installed."""
-    return os.environ.get(PROVIDER_VARIABLE) or None
+    """What the environment variable DLAMA_PROVIDER names; None: the first of ONNX Runtime's that is installed."""
+    return os.environ.get("DLAMA_PROVIDER") or None
 
 
 @dataclass(frozen=True, eq=False)
 class NetworkFile:
-    """One network file, ready to run. A missing file or an unknown provider is refused at once, the rest when it opens."""
+    """One network file, ready to run. An unknown provider is refused at once, the rest when it opens."""
 
     path: Path
     provider: str | None = field(default_factory=default_provider)
@@ -70,13 +66,9 @@ class NetworkFile:
     memory_pattern: bool = True
     """Whether ONNX Runtime plans the memory of a whole run at once: faster (LaMa 20 %, MI-GAN 10 %), and more memory."""
 
-    @system_errors(FileError)
     def __post_init__(self) -> None:
-        if not self.path.is_file():
-            raise FileError(f"{self.path}: no such model file")
         if self.provider is not None:
             check_word(self.provider, "provider", PROVIDERS)
-        check_count(self.threads, "threads")
 
     @cached_property
     def session(self) -> Any:
@@ -215,12 +207,14 @@ def close_networks() -> None:
     """Close the sessions of all network files; they open again when they run.
 
     A session keeps what its largest run took, some 300 MB; opening one takes .06 s. What was freed goes back to the system, too,
-    and from now on arrays of MAPPED bytes do once they are freed: glibc keeps about as much, in pieces.
+    and from now on arrays of 8 MiB do once they are freed: glibc keeps about as much, in pieces.
     """
     for one in list(_OPEN):
         vars(one).pop("session", None)
     _OPEN.clear()
     with contextlib.suppress(OSError, AttributeError, TypeError):  # glibc alone has it
         glibc = ctypes.CDLL(None)
-        glibc.mallopt(M_MMAP_THRESHOLD, MAPPED)
+        glibc.mallopt(
+            -3, 2**23
+        )  # M_MMAP_THRESHOLD: bytes from which an array has pages of its own; left alone it grows
         glibc.malloc_trim(0)

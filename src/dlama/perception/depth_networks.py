@@ -24,8 +24,8 @@ Gives = Literal["depth", "inverse depth", "points"]
 KINDS: tuple[Gives, ...] = ("depth", "inverse depth", "points")
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Mean and standard deviation of ImageNet's colours (0..1), by which most networks expect their pictures normalised."""
-SAMPLES = 4096
 STEPS = 60
+"""Of either search of a shift."""
 WIDEST = 4
 """Times the shorter side at which the longer one of a picture is shown at most: what a network takes grows with their product."""
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -229,7 +229,7 @@ def fit_points(points: Float32Array, far: BoolArray | None, focal: float | None)
     rows, columns = np.nonzero(good)
     if len(rows) < 3:
         raise DepthError("the network sees nothing but sky in this picture; give depth")
-    chosen = np.linspace(0, len(rows) - 1, min(SAMPLES, len(rows))).astype(np.intp)
+    chosen = np.linspace(0, len(rows) - 1, min(4096, len(rows))).astype(np.intp)
     rows, columns = rows[chosen], columns[chosen]
     image = np.stack([(columns + 0.5) / width - 0.5, ((rows + 0.5) - height / 2) / width], 1)
     cloud = points[rows, columns].astype(np.float64)

@@ -89,10 +89,9 @@ def estimate_scale(
     """The scale of estimated depth, or inverse depth, H x W.
 
     metric: it is in metres (or 1/m), and stays so where nothing else is known. metres_at: (x, y, depth in metres) of pixels, x
-    right, y down. camera_height: metres of the camera above the ground. InputError where they contradict each other or the
-    picture, DepthError where nothing has depth.
+    right, y down. camera_height: metres of the camera above the ground; at most one of the two (`check_known`). InputError where
+    they contradict the picture, DepthError where nothing has depth.
     """
-    check_known(metres_at, camera_height, values.shape[:2])
     usable = (values > 0) & np.isfinite(values)
     if not usable.any():
         raise DepthError("no pixel has an estimated depth; give depth")

@@ -128,9 +128,7 @@ class MaskSession:
         """The mask of the object under clicks or in a box; parameters and errors as `find_mask`."""
         check_arguments(MaskSession.find, locals())
         check_names(self.masker, self.mask_model, candidate)
-        picture, prompt = self.picture, self._prompt(clicks, not_clicks, box)
-        if with_shadow and not isinstance(picture, RGBD):
-            raise InputError("`with_shadow` needs depth and the picture has none; an RGBD is expected")
+        prompt = self._prompt(clicks, not_clicks, box)
         masks, notes = self._masks(prompt)
         masks = {each: make_read_only(mask) for each, mask in masks.items() if mask.any()}
         if not masks:
@@ -138,7 +136,7 @@ class MaskSession:
         chosen = candidate if candidate in masks else next(iter(masks))
         if masks[chosen].mean() > MOST:
             notes = (*notes, TOO_MUCH)
-        return complete_mask(picture, masks, chosen, self.masker, with_shadow, notes)
+        return complete_mask(self.picture, masks, chosen, self.masker, with_shadow, notes)
 
     def _prompt(self, clicks: Sequence[Point], not_clicks: Sequence[Point], box: Box | None) -> Prompt:
         height, width = (self.picture.depth if isinstance(self.picture, RGBD) else self.picture).shape[:2]

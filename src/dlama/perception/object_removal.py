@@ -43,8 +43,6 @@ EDGE_PX = 2
 """Growth of a region at its edges in px, where depths lie between two surfaces."""
 REACH = 1.5
 """Reach of an object beyond its masked part, in sides of a square of equal area."""
-BOX_GROWS = 0.25
-"""Growth of the object's box, over its diagonal: other frames see sides that the masked ones do not."""
 THICK = 0.7
 """Largest thickness along the line of sight of the masked frames, over the object's largest extent."""
 OUTLIERS = (1.0, 99.0)
@@ -221,7 +219,7 @@ def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
         sight = front - layer.camera.world_from_cam[:3, 3]
         backs.append(front + thick * sight / np.linalg.norm(sight, axis=1, keepdims=True))
     low, high = np.percentile(np.concatenate([*points, *backs]), OUTLIERS, axis=0)
-    grow = BOX_GROWS * float(np.linalg.norm(high - low))
+    grow = 0.25 * float(np.linalg.norm(high - low))  # other frames see sides that the masked ones do not
     return low - grow, high + grow
 
 

@@ -36,10 +36,6 @@ MOST_PLANES = 12
 """Largest number of planes: a label is a byte."""
 SMALLEST_SHARE = 0.01
 """Least share of the known pixels of a plane."""
-HYPOTHESES = 160
-"""Number of random triples of pixels for each plane (RANSAC)."""
-NOISE_PIXELS = 1 << 20
-"""Largest picture of which every row and column is read for its noise; of a larger one every n-th."""
 BAND = 128
 """Rows that are worked on at a time."""
 SAMPLES = 9000
@@ -73,9 +69,9 @@ def noise_level(w: Float32Array, surface: BoolArray) -> float:
     """Standard deviation (1/m) of the noise of measured inverse depth; 0 where it is exact.
 
     Measured as the median second difference (`geometry.depth_noise`). Noise below the tolerance at the median distance counts as
-    none.
+    none. Of a picture of more than a megapixel every n-th row and column is read.
     """
-    step = math.ceil(w.size / NOISE_PIXELS)
+    step = math.ceil(w.size / (1 << 20))
     lines = (w[::step], surface[::step]), (w[:, ::step].T, surface[:, ::step].T)
     bends = np.concatenate([second_differences(*each, REACH)[0] for each in lines])
     level = w[::step][surface[::step]]
@@ -91,7 +87,7 @@ def tolerance(w: np.ndarray, noise: float) -> np.ndarray:
 def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0.0) -> NDArray[np.float64]:
     """K x 3 planes (a, b, c), most supported first, K <= MOST_PLANES.
 
-    Greedy RANSAC (Fischler & Bolles 1981) with local triples, each plane refined by least squares on its inliers.
+    Greedy RANSAC (Fischler & Bolles 1981) with 160 local triples a plane, which is refined by least squares on its inliers.
     w: H x W inverse depth; surface: H x W, True where it is finite and known; noise: as `noise_level` gives it.
     """
     places = np.flatnonzero(surface)
@@ -107,7 +103,7 @@ def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0
     planes: list[np.ndarray] = []
     reach = 0.06 * max(w.shape)
     while len(planes) < MOST_PLANES and free.sum() > SMALLEST_SHARE * len(chosen):
-        triples = plane_kernels.local_triples(u, v, free, reach, HYPOTHESES, int(rng.integers(2**31)))
+        triples = plane_kernels.local_triples(u, v, free, reach, 160, int(rng.integers(2**31)))
         plane, support = plane_kernels.best_plane(u, v, z, free, triples, near)
         if support < SMALLEST_SHARE * len(chosen):
             break

@@ -28,8 +28,6 @@ MIXED, SLANTED = 0.04, 2.2
 7 x 7 pixels, over that within 3 x 3, from which it lies on a slanted surface (3 on a plane)."""
 COLOR_SIGMA = 20.0
 """Levels by which colours differ on one surface (each channel)."""
-SMOOTHING = 3.0
-"""Sigma in pixels of the smoothing that undoes 8-bit steps of depth."""
 LEAST_NEAR = 0.15
 """Added to the bilinear weights of the four, so that the farthest may be chosen for its colour."""
 
@@ -64,7 +62,7 @@ def shrink_rgbd(rgbd: RGBD, wh: tuple[int, int]) -> RGBD:
 def smooth_quantised(levels: Float32Array) -> Float32Array:
     """H x W 8-bit levels of inverse depth smoothed within half a step, so that slopes are slopes again and edges stay; level 0
     stays 0 (far)."""
-    smooth = np.asarray(cv2.GaussianBlur(levels, (0, 0), SMOOTHING), np.float32)
+    smooth = np.asarray(cv2.GaussianBlur(levels, (0, 0), 3.0), np.float32)
     return np.where(levels > 0, np.clip(smooth, levels - 0.5, levels + 0.5), np.float32(0))
 
 

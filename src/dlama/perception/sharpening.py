@@ -27,8 +27,6 @@ RADIUS, SPACE_SIGMA, COLOR_SIGMA = 18.0, 12.0, 20.0
 STEEP, BEND = 0.02, 1.6
 """Relative change per px from which a pixel is on a ramp: it does not vote; and least slope of a ramp over the mean slope within
 1.5 radii: ground is not steeper than its surroundings."""
-REACH = 4.0
-"""px round a ramp that are replaced, too."""
 UNLIKE = 40
 """Squared colour difference, over the square of its sigma, from which a voter counts for nothing."""
 FURTHER, FURTHER_RADIUS, FURTHER_COLOR_SIGMA = 2, 4.0, 60.0
@@ -47,7 +45,7 @@ def sharpen_depth(values: Float32Array, color: UInt8Array, inverse: bool = True)
     size = max(values.shape) / 512
     near = values if inverse else inverse_depth(values)
     ramp = on_ramp(near, STEEP / size, BEND, round(1.5 * RADIUS * size))
-    blurred = dilate_square(ramp, 2 * round(REACH * size) + 1)
+    blurred = dilate_square(ramp, 2 * round(4 * size) + 1)  # 4 px round a ramp are replaced, too
     if not ramp.any() or ramp.all():
         return values
     smooth = np.asarray(cv2.GaussianBlur(color, (0, 0), 0.7), np.uint8)

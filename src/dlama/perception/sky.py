@@ -16,22 +16,10 @@ from dlama.perception.resampling import shrink_color
 
 GRID = 192
 """Longer side of the picture in which the sky is looked for."""
-LUMA = np.array([0.299, 0.587, 0.114], np.float32)
-STEP = 3.0
-"""Largest step between neighbouring pixels of the grid, in grey levels, in the sky."""
-SAMPLED = 16
-"""Stride over the measured pixels whose depth is looked at."""
 OUTDOORS_M = 6.0
 """Least depth of the farthest hundredth of what is measured outdoors; depth cameras in rooms reach less."""
-BLUE, BRIGHT, WARM = 12.0, 40.0, 10.0
-"""Levels by which blue exceeds red, or grey exceeds the median of the rest; and by which red may exceed blue then."""
-FREE = 0.75
-"""Least share of a plain part that may be sky: a ceiling continues where it was measured."""
 LARGEST, ALONG_TOP, SMALLEST = 0.02, 0.1, 0.001
 """Of the largest part of a sky, its least share of the picture and of the upper edge; least share of further parts."""
-BLUR_PX, AROUND_PX, TEXTURED = 2.0, 9, 1.0
-"""Sigma of the blur that removes noise, width of the surroundings, and their mean gradient along rows, in grey levels per pixel,
-from which a match at infinity counts."""
 
 
 def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> BoolArray:
@@ -42,22 +30,24 @@ def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> B
     nothing = np.zeros_like(free)
     if free[0].mean() < ALONG_TOP:
         return nothing
-    measured = depth[is_valid(depth)][::SAMPLED]
+    measured = depth[is_valid(depth)][::16]
     if not measured.size or np.quantile(measured, 0.99) < OUTDOORS_M:
         return nothing
     hw = smaller_size(free.shape, GRID)[::-1]
     small = shrink_color(color, hw).astype(np.float32)
-    grey = small @ LUMA
+    grey = small @ np.array([0.299, 0.587, 0.114], np.float32)
     cells = shrink_mask(free, hw[::-1]) >= 0.5
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-    plain = (np.maximum(cv2.dilate(grey, cross) - grey, grey - cv2.erode(grey, cross)) < STEP).astype(np.uint8)
+    # in the sky neighbouring pixels of the grid differ by less than 3 grey levels
+    plain = (np.maximum(cv2.dilate(grey, cross) - grey, grey - cv2.erode(grey, cross)) < 3).astype(np.uint8)
     _, part = cv2.connectedComponents(plain, connectivity=4)
     sky, large = np.zeros(hw, np.bool_), False
     for number in np.unique(part[0][plain[0] > 0]):
         whole = part == number
         this = whole & cells
         area = this.mean()
-        if area < max(SMALLEST, FREE * whole.mean()) or this.all() or not looks_like_sky(small[this], grey, this):
+        # of a plain part most must be free to be sky: a ceiling continues where it was measured
+        if area < max(SMALLEST, 0.75 * whole.mean()) or this.all() or not looks_like_sky(small[this], grey, this):
             continue
         sky |= this
         large |= area >= LARGEST and this[0].mean() >= ALONG_TOP
@@ -69,10 +59,10 @@ def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> B
 def looks_like_sky(color: Float32Array, grey: Float32Array, part: BoolArray) -> bool:
     """Whether a part (h x w) of a picture is bluish, or brighter than the rest and not warm.
 
-    color: N x 3, of the part; grey: h x w levels, of the whole.
+    color: N x 3 levels, of the part; grey: h x w levels, of the whole.
     """
     red, _, blue = np.median(color, 0)
-    return bool(blue - red > BLUE or (np.median(grey[part]) - np.median(grey[~part]) > BRIGHT and red - blue < WARM))
+    return bool(blue - red > 12 or (np.median(grey[part]) - np.median(grey[~part]) > 40 and red - blue < 10))
 
 
 def drop_plain_infinity(color: UInt8Array, disparity: Float32Array, depth: Float32Array) -> Float32Array:
@@ -87,7 +77,7 @@ def drop_plain_infinity(color: UInt8Array, disparity: Float32Array, depth: Float
 
 
 def has_texture(color: UInt8Array) -> BoolArray:
-    """H x W, True where colours (H x W x 3) change along the rows."""
+    """H x W, True where colours (H x W x 3) change along the rows: by a grey level a pixel, mean of 9 x 9, without noise."""
     grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    steps = np.abs(cv2.Sobel(cv2.GaussianBlur(grey, (0, 0), BLUR_PX), cv2.CV_32F, 1, 0, scale=1 / 8))
-    return np.asarray(cv2.blur(steps, (AROUND_PX, AROUND_PX)) >= TEXTURED)
+    steps = np.abs(cv2.Sobel(cv2.GaussianBlur(grey, (0, 0), 2), cv2.CV_32F, 1, 0, scale=1 / 8))
+    return np.asarray(cv2.blur(steps, (9, 9)) >= 1)

@@ -14,7 +14,6 @@ import pytest
 import dlama
 from corruptions import FULL, SPOILT, observed, stored
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import looks_inverted
 from dlama.perception.diagnosis.depth_code import check_depth_code
 from dlama.perception.diagnosis.depth_scale import check_value_range, measure_extent
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty, describe_probability
@@ -130,16 +129,6 @@ def test_a_shifted_mask_is_named_with_its_shift(right: int, down: int, seed: int
     (finding,) = check_mask_registration(replace(seen, mask=np.roll(seen.mask, (down, right), (0, 1))))
     assert (finding.check, finding.severity) == ("shifted-mask", "fault")
     assert np.abs(shift_of(finding) - (right, down)).max() <= 2
-
-
-def test_a_picture_without_a_mask_says_nothing_of_masks() -> None:
-    assert check_mask_registration(replace(world(3), mask=None)) == []
-
-
-def test_masks_of_half_the_picture() -> None:
-    mask = np.zeros((20, 30), bool)
-    mask[5:15, 5:25] = True
-    assert not looks_inverted(mask) and looks_inverted(~mask)
 
 
 @pytest.mark.parametrize(

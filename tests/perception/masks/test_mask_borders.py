@@ -15,7 +15,7 @@ from dlama.geometry.holes import iou
 from dlama.perception.masks import borders
 from dlama.perception.masks.borders import MOST_PX, cut_out_box, decide_by_color, run_grabcut
 from dlama.perception.masks.prompt import Prompt
-from worlds import Box, Plane, World, innermost_pixel
+from worlds import Box, Plane, World, box_round, innermost_pixel
 
 CAMERA = Camera.from_fov(160, 120, 70)
 WORLD = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), Box((-0.6, 0.0, 2.6), (0.2, 1.0, 3.2))))
@@ -128,9 +128,7 @@ def test_colours_of_a_large_picture_are_cut_in_a_smaller_one(monkeypatch: pytest
 def test_a_box_and_corrections_are_heeded(session: MaskSession) -> None:
     """The drawn box bounds the mask; a pixel next to the object is none of it, a further click is."""
     box = scene()[2]
-    rows, columns = np.nonzero(box)
-    drawn = (columns.min() - 3, rows.min() - 3, np.ptp(columns) + 7, np.ptp(rows) + 7)
-    assert iou(session.find(box=drawn).mask, box) > 0.93
+    assert iou(session.find(box=box_round(box, 3)).mask, box) > 0.93
     mask = session.find(clicks=[CLICK, (20, 110)], not_clicks=[(106, 75)]).mask
     assert mask[110, 20] and not mask[75, 106] and iou(mask & box, box) > 0.8
 

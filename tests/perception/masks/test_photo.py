@@ -12,9 +12,8 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks import photo, salient
 from dlama.perception.masks.borders import cut_out_box
 from dlama.perception.masks.click_network import first_window, salient_about
-from dlama.perception.masks.photo import name_masks, rim_share
 from dlama.perception.masks.prompt import Prompt
-from dlama.perception.masks.salient import window_around
+from worlds import box_round
 
 SIDE = 192
 BAND = (96, 132)
@@ -56,16 +55,9 @@ def test_a_click_on_a_band_finds_the_whole_thing_that_depth_does_not_show(sessio
     assert "found in estimated depth" in found.notes[0]
 
 
-def box_of(mask: BoolArray, larger: float) -> tuple[float, float, float, float]:
-    """x, y, width, height of the box of a mask, grown by a share of its sides."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    high, wide = float(np.ptp(rows) + 1), float(np.ptp(columns) + 1)
-    return columns[0] - larger / 2 * wide, rows[0] - larger / 2 * high, (1 + larger) * wide, (1 + larger) * high
-
-
 def test_a_box_finds_the_thing_in_it() -> None:
     true = striped_post()[1]
-    found = find_mask(without_the_thing(), box=box_of(true, 0.05)).mask
+    found = find_mask(without_the_thing(), box=box_round(true, 2)).mask
     assert iou(found, true) > 0.9
 
 
@@ -76,26 +68,18 @@ def test_what_stands_out_and_fills_a_box_is_the_thing(monkeypatch: pytest.Monkey
     color[20:30, 20:30] = 250
     monkeypatch.setattr(salient, "small_saliency", lambda window: (window[..., 0] > 170).astype(np.float32))
     picture = RGBD(color, without_the_thing().depth, Camera.from_fov(SIDE, SIDE, 60), {"estimator": "none"})
-    np.testing.assert_array_equal(find_mask(picture, box=box_of(true, 0.05)).mask, true)
+    np.testing.assert_array_equal(find_mask(picture, box=box_round(true, 2)).mask, true)
 
 
 def test_what_fills_little_of_a_box_is_not_the_thing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thin line stands out: the mask is what colours cut out, as without the network."""
     monkeypatch.setattr(salient, "small_saliency", lambda color: np.eye(len(color), dtype=np.float32))
-    box = box_of(striped_post()[1], 0.05)
+    box = box_round(striped_post()[1], 2)
     picture = without_the_thing()
     prompt = Prompt(picture.depth.shape, box=box)
     masker = photo.PhotoMasker(picture)
     assert masker.salient_in_box(prompt.box_slices) is None
     np.testing.assert_array_equal(masker.candidates(prompt)["object"], cut_out_box(picture.color, prompt))
-
-
-def test_how_much_of_a_box_is_filled() -> None:
-    """Closed form: boxes of 10 x 6 and 8 x 3 pixels, one in the other; and nothing at all."""
-    box, mask = (slice(2, 12), slice(4, 10)), np.zeros((20, 20), np.bool_)
-    assert photo.fill_enclosed(box, mask) == 0
-    mask[3, 5] = mask[10, 7] = mask[0, 0] = True
-    assert photo.fill_enclosed(box, mask) == pytest.approx(8 * 3 / 60)
 
 
 def test_clicks_beside_the_thing_are_none_of_it(session: MaskSession) -> None:
@@ -136,29 +120,3 @@ def test_a_thing_that_the_windows_cut_off_is_found_whole(monkeypatch: pytest.Mon
     masker = photo.PhotoMasker(RGBD(color, rgbd.depth, rgbd.camera, rgbd.estimate))
     found = masker.candidates(Prompt((SIDE, SIDE), ((96, 100),)))["object"]
     assert (found == (color[..., 0] > 200)).all()
-
-
-@pytest.mark.parametrize("pixel", [(0, 0), (99, 159), (50, 80), (99, 0)])
-def test_a_window_holds_its_click_and_lies_in_the_picture(pixel: tuple[int, int]) -> None:
-    """Closed form: as large as asked for, or as the picture."""
-    for side, height in ((60, 60), (130, 100)):
-        rows, columns = window_around(pixel, side, (100, 160))
-        assert (rows.stop - rows.start, columns.stop - columns.start) == (height, side)
-        assert 0 <= rows.start <= pixel[0] < rows.stop <= 100 and 0 <= columns.start <= pixel[1] < columns.stop <= 160
-
-
-def test_only_rims_within_the_picture_cut_a_mask_off() -> None:
-    """Counted by hand: 4 pixels at the right rim of the window; those at the picture's own rim do not count."""
-    mask = np.zeros((20, 20), np.bool_)
-    mask[0:4, 0:10] = True
-    assert rim_share(mask, (slice(0, 10), slice(0, 10))) == pytest.approx(0.4)
-    assert rim_share(mask, (slice(0, 20), slice(0, 20))) == 0
-
-
-def test_other_readings_are_named_by_size() -> None:
-    """A smaller one is a part, a larger one a group; one that is nearly the same is none."""
-    small, thing, large, same = (np.zeros((10, 10), np.bool_) for _ in range(4))
-    small[:2], thing[:5], large[:], same[:5] = True, True, True, True
-    same[0, 0] = False
-    assert set(name_masks(thing, [small, large, same])) == {"object", "part", "group"}
-    assert set(name_masks(thing, [same])) == {"object"}

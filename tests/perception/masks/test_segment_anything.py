@@ -67,22 +67,15 @@ def tiny_decoder(path: Path, batched: bool = False, scores: tuple[float, ...] = 
         helper.make_tensor_value_info("iou_predictions", float_, [*count[:-1], len(scores)]),
     ]
     constants = {
-        "flat": np.array([-1, 2]), "first": np.array([0]), "x": np.array([0]), "y": np.array([1]),
-        "u": (side * u).astype(np.float32), "v": (side * v).astype(np.float32),
+        "flat": np.array([-1, 2]), "first": np.array([0]), "grid": (side * np.stack([u, v], 2)).astype(np.float32),
         "limits": (side * np.array(RADII, np.float32) ** 2 * side)[:, None, None].astype(np.float32),
         "shape": np.array([*count, height, width]), "scores": np.array(scores, np.float32).reshape([*count[:-1], -1]),
-        "nothing": np.float32(0),
     }  # fmt: skip
     nodes = [
         helper.make_node("Reshape", [f"{before}point_coords", "flat"], ["points"]),
         helper.make_node("Gather", ["points", "first"], ["point"], axis=0),
-        helper.make_node("Gather", ["point", "x"], ["px"], axis=1),
-        helper.make_node("Gather", ["point", "y"], ["py"], axis=1),
-        helper.make_node("Sub", ["u", "px"], ["du"]),
-        helper.make_node("Sub", ["v", "py"], ["dv"]),
-        helper.make_node("Mul", ["du", "du"], ["du2"]),
-        helper.make_node("Mul", ["dv", "dv"], ["dv2"]),
-        helper.make_node("Add", ["du2", "dv2"], ["d2"]),
+        helper.make_node("Sub", ["grid", "point"], ["apart"]),
+        helper.make_node("ReduceSumSquare", ["apart"], ["d2"], axes=[2], keepdims=0),
         helper.make_node("Sub", ["limits", "d2"], ["discs"]),
         helper.make_node("Reshape", ["discs", "shape"], [masks]),
         helper.make_node("Identity", ["scores"], ["iou_predictions"]),

@@ -13,7 +13,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks import small
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.small import SmallPicture
-from worlds import Box, Plane, World
+from worlds import Box, Plane, World, box_round, innermost_pixel
 
 CAMERA = Camera.from_fov(640, 480, 70)
 GROUND, WALL = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1))
@@ -49,14 +49,12 @@ def test_a_click_in_a_large_picture(scene: tuple[RGBD, np.ndarray]) -> None:
     """Oracle: the true pixels. Laws: clicks are right to the pixel, also two that share one of the small picture; a click on
     nothing is named by its place in the large one."""
     rgbd, true = scene
-    rows, columns = np.nonzero(true)
-    at = float(np.median(columns)), float(np.median(rows))
+    at = innermost_pixel(true)
     assert iou(dlama.find_mask(rgbd, clicks=[at]).mask, true) > 0.97
     beside = at[0] + 1, at[1]
     found = dlama.find_mask(rgbd, clicks=[at], not_clicks=[beside]).mask
     assert found[int(at[1]), int(at[0])] and not found[int(beside[1]), int(beside[0])]
-    box = columns.min() - 6.0, rows.min() - 6.0, np.ptp(columns) + 12.0, np.ptp(rows) + 12.0
-    assert iou(dlama.find_mask(rgbd, box=box).mask, true) > 0.97
+    assert iou(dlama.find_mask(rgbd, box=box_round(true, 6)).mask, true) > 0.97
     with pytest.raises(MaskError, match=r"`?clicks`? holds 600,40,"):
         dlama.find_mask(rgbd, clicks=[(600, 40)])
 

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import dlama
-from dlama.datasets.posed.nerfstudio import write_transforms, write_view
 from dlama.datasets.posed.view_pairs import Overlaps
 from dlama.datasets.sequences.loading import open_frames
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import View
 from dlama.perception.missing_depth.between_readings import reach_between, repeat_readings
+from posed_folders import write_nerfstudio
 from worlds import Box, Plane, World, innermost_pixel, moved
 
 CAMERA = Camera.from_fov(256, 192, 70)
 FLOOR, WALL = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 5), (0, 0, -1))
 BOX = Box((-0.6, 0.1, 2.6), (0.1, 1, 3.2))
+ROOM = World((FLOOR, WALL, BOX))
 ROWS, COLUMNS = 5, 2
 
 
@@ -34,7 +36,7 @@ def scan(rgbd: RGBD, rows: int = ROWS, columns: int = COLUMNS, top: int = 0) -> 
 
 def test_readings_keep_their_bits_and_depth_between_them_is_that_of_the_surfaces() -> None:
     """Closed form: floor, wall and a box; above the first row nothing was read, and it stays missing beyond the reach."""
-    whole, top = World((FLOOR, WALL, BOX)).rgbd(CAMERA), 60
+    whole, top = ROOM.rgbd(CAMERA), 60
     sparse = scan(whole, top=top)
     dense = dlama.densify(sparse)
     known = sparse.depth > 0
@@ -76,25 +78,23 @@ def test_depth_that_is_no_scan_is_left_as_it_is(kept: str) -> None:
 def test_behind_an_object_of_a_scan_lies_what_is_there() -> None:
     """The world without the box: the floor and the wall behind it, to a hundredth of their depth in nine of ten pixels. The
     picture is larger than the grid that surfaces are continued on: hardly a cell of that was all read."""
-    camera, world = Camera.from_fov(512, 384, 70), World((FLOOR, WALL, BOX))
-    mask = world.trace(camera)[1] == 2
-    done = dlama.remove(scan(world.rgbd(camera)), mask, filler="layered", dilate=0)
+    camera = Camera.from_fov(512, 384, 70)
+    mask = ROOM.trace(camera)[1] == 2
+    done = dlama.remove(scan(ROOM.rgbd(camera)), mask, filler="layered", dilate=0)
     off = np.abs(done.view.depth / World((FLOOR, WALL)).rgbd(camera).depth - 1)[mask]
     assert (off < 0.01).mean() > 0.9
 
 
 def test_a_click_in_a_scan_finds_the_object() -> None:
     """The box's own pixels."""
-    world = World((FLOOR, WALL, BOX))
-    mask = world.trace(CAMERA)[1] == 2
-    y, x = innermost_pixel(mask)
-    assert iou(dlama.find_mask(scan(world.rgbd(CAMERA)), clicks=[(x, y)]).mask, mask) > 0.85
+    mask = ROOM.trace(CAMERA)[1] == 2
+    assert iou(dlama.find_mask(scan(ROOM.rgbd(CAMERA)), clicks=[innermost_pixel(mask)]).mask, mask) > 0.85
 
 
 def test_scans_are_one_scene_where_they_were_made_dense_and_else_it_is_said_how() -> None:
     """Two posed scans: as read no surface is common, and the message names what mends it; dense they show one room."""
     cameras = CAMERA, moved(CAMERA, turn=(0, 15, 0), shift=(0.4, 0, 0))
-    frames = [scan(World((FLOOR, WALL, BOX)).rgbd(camera), rows=7, columns=3) for camera in cameras]
+    frames = [scan(ROOM.rgbd(camera), rows=7, columns=3) for camera in cameras]
     with pytest.raises(dlama.InputError, match=r"dlama\.densify"):
         dlama.scene(frames)
     assert len(dlama.scene([dlama.densify(frame) for frame in frames]).frames) == 2
@@ -114,15 +114,13 @@ def test_readings_are_repeated_as_far_as_they_reach() -> None:
 def test_frames_of_scans_overlap_as_the_frames_do() -> None:
     """The share of two whole frames, to a twentieth."""
     cameras = CAMERA, moved(CAMERA, turn=(0, 15, 0))
-    whole = [World((FLOOR, WALL)).rgbd(camera) for camera in cameras]
 
-    def share(frames: list[RGBD]) -> float:
-        posed = [
-            type("Posed", (), {"load_depth": staticmethod(lambda one=one: (one.depth, one.camera))}) for one in frames
-        ]
+    def share(seen: Callable[[RGBD], RGBD]) -> float:
+        frames = [seen(World((FLOOR, WALL)).rgbd(camera)) for camera in cameras]
+        posed = [SimpleNamespace(load_depth=lambda one=one: (one.depth, one.camera)) for one in frames]
         return Overlaps(posed).share(0, 1)  # type: ignore[arg-type]
 
-    assert abs(share([scan(one) for one in whole]) - share(whole)) < 0.05
+    assert abs(share(scan) - share(lambda whole: whole)) < 0.05
 
 
 def test_a_data_set_of_scans_is_one_scene_and_its_meta_data_say_how(tmp_path: Path) -> None:
@@ -130,15 +128,11 @@ def test_a_data_set_of_scans_is_one_scene_and_its_meta_data_say_how(tmp_path: Pa
     cameras = {"a": CAMERA, "b": moved(CAMERA, turn=(0, 15, 0), shift=(0.4, 0, 0))}
     decided = []
     for name, seen in (("scans", scan), ("whole", lambda rgbd: rgbd)):
-        folder = tmp_path / name
-        for each in ("images", "depth", "hole", "origin", "source"):
-            (folder / each).mkdir(parents=True)
-        for frame, camera in cameras.items():
-            write_view(folder, frame, View.from_rgbd(seen(World((FLOOR, WALL, BOX)).rgbd(camera))))
-        write_transforms(folder, cameras, [], {})
+        frames = {frame: seen(ROOM.rgbd(camera)) for frame, camera in cameras.items()}
+        folder = write_nerfstudio(tmp_path / name, frames, cameras)
         meta = dlama.sequence(folder, tmp_path / f"{name}-out", filler="telea", only=[])
         decided.append(meta["decisions"].get("depth", {}).get("name"))
         done = open_frames(tmp_path / f"{name}-out")[0].load()
-        off = np.abs(done.depth / World((FLOOR, WALL, BOX)).rgbd(CAMERA).depth - 1)
+        off = np.abs(done.depth / ROOM.rgbd(CAMERA).depth - 1)
         assert (off < 0.02).mean() > 0.95
     assert decided == ["densified", None]

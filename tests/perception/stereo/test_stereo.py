@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import dlama
-from dlama.errors import InputError, MaskError, ShapeError
+from dlama.errors import InputError, MaskError
 from dlama.perception.stereo import matching as stereo_matching
 from dlama.perception.stereo.agreement import consistency, transfer_mask
 from dlama.perception.stereo.matching import disparity_pair, equalise_exposure
@@ -164,17 +165,11 @@ def test_noise_hardly_matches() -> None:
         assert (found != 0).mean() < 0.2
 
 
-def test_pairs_that_are_none_are_refused() -> None:
-    """Oracle: the message names both sizes, the dtype, or the range that came."""
+def test_an_empty_range_is_refused() -> None:
+    """Oracle: the message names the range that came."""
     picture = np.zeros((4, 6, 3), np.uint8)
-    with pytest.raises(ShapeError, match=r"6x4 .*5x4"):
-        disparity_pair(picture, picture[:, :5])
-    with pytest.raises(ShapeError, match=r"right picture is float64"):
-        disparity_pair(picture, picture.astype(float))
     with pytest.raises(InputError, match="max_disparity is 3 px; more than 5 px is expected"):
         disparity_pair(picture, picture, min_disparity=5, max_disparity=3)
-    with pytest.raises(ShapeError, match=r"right disparity"):
-        consistency(picture, picture, np.zeros((4, 6), np.float32), np.zeros((4, 5), np.float32))
 
 
 def test_consistency_counts_what_its_docstring_says() -> None:
@@ -219,7 +214,7 @@ def test_carried_mask_has_no_cracks_on_a_slant() -> None:
 
 
 def test_masks_that_cannot_be_carried() -> None:
-    """Oracle: an empty mask stays empty, one that leaves the picture too; no disparity or another size is an error."""
+    """Oracle: an empty mask stays empty, one that leaves the picture too; no disparity is an error."""
     mask = np.zeros((4, 6), bool)
     disparity = np.full((4, 6), 5, np.float32)
     assert not transfer_mask(mask, disparity).any()
@@ -227,31 +222,19 @@ def test_masks_that_cannot_be_carried() -> None:
     assert not transfer_mask(mask, disparity).any()
     with pytest.raises(MaskError, match="no disparity is known inside the mask"):
         transfer_mask(mask, np.zeros((4, 6), np.float32))
-    with pytest.raises(MaskError, match=r"\(4, 6\).*\(4, 5\)"):
-        transfer_mask(mask, disparity[:, :5])
 
 
-def read_rgb(path: Path) -> Array:
-    import cv2
-
-    picture = cv2.imread(str(path))
-    assert picture is not None, f"{path} cannot be read"
-    return np.ascontiguousarray(picture[..., ::-1])
-
-
-def middlebury(data_dir: Path, name: str) -> tuple[Array, Array, Array, Array | None]:
+def middlebury(data_dir: Path, name: str) -> tuple[Array, Array, list[Array]]:
     """Left, right, true left and (where published) right disparity; 0 = unknown."""
-    import cv2
-
     if name == "motorcycle":
         folder = data_dir / "data/motorcycle"
         with np.load(folder / "disparity.npz") as told:
-            truth = np.nan_to_num(told["disparity"], posinf=0)
-        return read_rgb(folder / "left.png"), read_rgb(folder / "right.png"), truth, None
-    folder = data_dir / "data/stereo" / name
-    scale = json.loads((folder / "calib.json").read_text())["disparity_scale"]
-    truths = [cv2.imread(str(folder / f"disp_{side}.png"), cv2.IMREAD_UNCHANGED) / scale for side in ("left", "right")]
-    return read_rgb(folder / "left.png"), read_rgb(folder / "right.png"), truths[0], truths[1]
+            truths = [np.nan_to_num(told["disparity"], posinf=0)]
+    else:
+        folder = data_dir / "data/stereo" / name
+        scale = json.loads((folder / "calib.json").read_text())["disparity_scale"]
+        truths = [np.array(Image.open(folder / f"disp_{side}.png")) / scale for side in ("left", "right")]
+    return dlama.read_color(folder / "left.png"), dlama.read_color(folder / "right.png"), truths
 
 
 @pytest.mark.parametrize("name, most_bad_1, most_epe", first_quick([("cone", 0.07, 0.6), ("motorcycle", 0.08, 0.9)]))
@@ -259,11 +242,9 @@ def test_middlebury_pairs(
     data_dir: Path, name: str, most_bad_1: float, most_epe: float, record_property: Callable[[str, object], None]
 ) -> None:
     """Oracle: Middlebury's measured disparities. Bounds are about 1.6 times what was measured when this was written."""
-    left, right, *truths = middlebury(data_dir, name)
+    left, right, truths = middlebury(data_dir, name)
     found = disparity_pair(left, right)
     for side, disparity, truth in zip(("left", "right"), found, truths):
-        if truth is None:
-            continue
         both = (disparity != 0) & (truth > 0)
         error = np.abs(disparity - truth)[both]
         score = {"bad-1": (error > 1).mean(), "bad-2": (error > 2).mean(), "EPE": error.mean()}
@@ -277,8 +258,7 @@ def test_middlebury_pairs(
 @pytest.mark.parametrize("name, mae, within", [("cone", 8.768, 0.947), ("Cloth3", 3.980, 0.975)])
 def test_consistency_of_the_true_disparities(data_dir: Path, name: str, mae: float, within: float) -> None:
     """Oracle: somebody else's code; the numbers published next to the pairs (calib.json, "measured")."""
-    left, right, at_left, at_right = middlebury(data_dir, name)
-    assert at_right is not None
-    score = consistency(left, right, at_left.astype(np.float32), at_right.astype(np.float32))
+    left, right, truths = middlebury(data_dir, name)
+    score = consistency(left, right, *(truth.astype(np.float32) for truth in truths))
     assert abs(score.photometric_mae - mae) < 0.01
     assert abs(score.left_right_within_1px - within) < 0.002

@@ -21,16 +21,10 @@ SIDE = 20
 """Samples across one part."""
 PARTS = (2, 3, 4, 6)
 """Parts have the shorter side of the picture divided by these; each overlaps the next by half."""
-MOST_ALONG = 48
-"""Most parts in a row, evenly spread: strips would have thousands."""
-KNOWN_SHARE = 0.8
-"""Least share of a part's samples with depth."""
 OUTLIERS = 4.0
 """Residuals beyond this multiple of their median are left out of a fit."""
 EXACT = 2e-4
 """Relative residuals below this are taken as this (rounding of 16 bits)."""
-PLANAR = 0.01
-"""A part counts if some code fits it by a plane with a smaller relative residual."""
 FEWEST_PARTS = 8
 GAMMA = 2.2
 
@@ -51,9 +45,8 @@ class Lead(NamedTuple):
 CLEAR = Lead(2.5, 0.035)
 """Least lead that is reported;"""
 DOUBTED = Lead(1.3, 0.012)
-"""where the unit of depth makes no likely scene, and for the codings that never fit plain depth best."""
-NEVER_PLAIN = ("inverse", "radial", "gamma")
-"""None of 256 good inputs (68 real, 104 streets, 84 worlds) was fitted best by these."""
+"""where the unit of depth makes no likely scene, and for all codings but "ungamma": none of 256 good inputs (68 real, 104
+streets, 84 worlds) was fitted best by those."""
 CODES = {
     "inverse": (
         "inverse-depth",
@@ -85,7 +78,7 @@ def check_depth_code(seen: Observed) -> list[Finding]:
     best, lead = find_best_code(seen.depth, seen.camera, tuple(CODES))
     if best not in CODES or not lead.reaches(DOUBTED):
         return []
-    least = DOUBTED if best in NEVER_PLAIN or check_depth_unit(seen) else CLEAR
+    least = DOUBTED if best != "ungamma" or check_depth_unit(seen) else CLEAR
     if not lead.reaches(least):
         return []
     check, holds, mend = CODES[best]
@@ -122,7 +115,7 @@ def fit_codes(depth: NDArray[np.floating], camera: Camera, names: tuple[str, ...
     kept = known * (best < OUTLIERS * np.median(best, 1, keepdims=True) + EXACT)
     off = np.minimum(np.stack([residuals(*code, kept) for code in codes.values()]), 0.1)
     rms = np.sqrt((off**2 * kept).sum(2) / np.maximum(kept.sum(1), 1))
-    planar = rms.min(0) < PLANAR
+    planar = rms.min(0) < 0.01
     if planar.sum() < FEWEST_PARTS:
         return None
     return dict(zip(codes, np.log(np.maximum(rms[:, planar], EXACT))))
@@ -146,7 +139,7 @@ def square_parts(values: NDArray[np.floating], camera: Camera) -> tuple[Floats, 
     rows, columns = (np.concatenate(each) for each in zip(*(_grid(values.shape, n) for n in PARTS)))
     sampled = values[rows, columns].astype(np.float64)
     known = (sampled > 0) & np.isfinite(sampled)
-    enough = known.mean(1) > KNOWN_SHARE
+    enough = known.mean(1) > 0.8
     rows, columns, there = rows[enough], columns[enough], known[enough]
     found = np.where(there, sampled[enough], np.nan)
     if len(found):
@@ -163,7 +156,8 @@ def _grid(hw: tuple[int, ...], parts: int) -> tuple[NDArray[np.intp], NDArray[np
         return np.empty((0, SIDE * SIDE), np.intp), np.empty((0, SIDE * SIDE), np.intp)
     within = np.linspace(0, side - 1, SIDE).round().astype(np.intp)
     starts = [np.arange(0, n - side + 1, max(side // 2, 1)) for n in hw]
-    spread = (each[np.linspace(0, len(each) - 1, min(len(each), MOST_ALONG)).astype(np.intp)] for each in starts)
+    # 48 parts in a row at most: strips would have thousands
+    spread = (each[np.linspace(0, len(each) - 1, min(len(each), 48)).astype(np.intp)] for each in starts)
     y, x = (each.ravel() for each in np.meshgrid(*spread, indexing="ij"))
     return y[:, None] + np.repeat(within, SIDE), x[:, None] + np.tile(within, SIDE)
 

@@ -20,10 +20,6 @@ UNITS = {1.0: "metres", 1000.0: "millimetres", 5000.0: "1/5000 m (TUM)", 256.0: 
 """Values per metre -> what they are called: the usual ones."""
 WIDTH = 200
 """Width in px of the picture in which planes are searched."""
-UPRIGHT = 0.8
-"""A floor's normal is at least so much along the camera's vertical (37 degrees)."""
-FLOOR_SHARE = 0.06
-"""Least share of the known pixels of a floor or ceiling."""
 FLOOR = (1.25, 0.35)
 """Height of the camera above the floor: typical metres, and standard deviation of its logarithm."""
 ROOM = (2.8, 0.15)
@@ -32,10 +28,8 @@ NEAREST = (1.4, 0.45)
 """2nd percentile of depth."""
 MIDDLE = (3.2, 0.8)
 """Median depth."""
-AS_READ = 1.5
-"""Least gain in log likelihood of another unit."""
 UNLIKELY = 2.9
-"""And least unlikeliness of the given unit; typical scenes have 0 to 2.7."""
+"""Least unlikeliness of a unit that is doubted; typical scenes have 0 to 2.7."""
 FULL = 65535
 RARE, LOWEST, HIGHEST = 0.004, 0.008, 0.8
 """Of depth that was stretched to 0..FULL: largest share of pixels at the maximum (more are a code, far, or a clip), largest least
@@ -45,16 +39,8 @@ ROTATED, FEWEST = 0.95, 64
 beyond 8.19 m (of others it is 1/4), and how many different numbers there are at least."""
 ROTATED_BITS = "its numbers are multiples of 8, as SUN RGB-D and SUN3D store millimetres (bits rotated by three)"
 UNROTATE = "give `depth_scale=8000`, or, where something is beyond 8.19 m, save (d >> 3) | (d << 13) of 16 bits"
-TOUCHING = 0.1
-"""Metres; hardly a camera measures what is nearer, so even a likely scene that begins there was stretched."""
 TOP = 0.99
 """Values up to this share of FULL, and others at FULL: depth was cut off there."""
-CUT_OFF = 0.65
-"""Largest probability of a unit of such depth: it may have been stretched from any range."""
-
-CLIP_M, CLIP_RATIO, CLIP_SHARE = 100.0, 2.0, 0.001
-"""Least depth of a renderer's far plane, how far it lies behind all else, and share of the pixels that are exactly there: of 240
-depth maps of sensors, scanners and renderers none has that, at any depth."""
 
 
 class Extent(NamedTuple):
@@ -75,7 +61,7 @@ def check_depth_unit(seen: Observed) -> list[Finding]:
         return []
     odds = {unit: unlikeliness(extent, units / unit) for unit in UNITS if unit != units}
     as_read, best = unlikeliness(extent, 1.0), min(odds, key=lambda unit: odds[unit])
-    margin = as_read - odds[best] - AS_READ
+    margin = as_read - odds[best] - 1.5  # the least gain in log likelihood
     if as_read < UNLIKELY or margin < 0:
         return []
     factor = units / best
@@ -91,7 +77,7 @@ def check_depth_unit(seen: Observed) -> list[Finding]:
     if cut_off := share_cut_off(seen):
         what += f"; they end at {FULL}, which {cut_off:.1%} have"
         mend += f", or {FULL} over the metres at which depth was cut off (10 m: `depth_scale={FULL / 10:g}`)"
-        confidence = min(confidence, CUT_OFF)
+        confidence = min(confidence, 0.65)  # it may have been stretched from any range
     return [Finding("depth-scale", "fault", confidence, what, mend)]
 
 
@@ -149,18 +135,20 @@ def has_rotated_bits(depth: np.ndarray, units: float | None) -> bool:
 
 
 def begins_at_camera(depth: np.ndarray) -> bool:
-    """Whether some depth (H x W metres) is nearer than a camera measures."""
-    return bool(depth[is_valid(depth)].min() <= TOUCHING)
+    """Whether some depth (H x W metres) is nearer than 0.1 m, which hardly a camera measures: even a likely scene that begins
+    there was stretched."""
+    return bool(depth[is_valid(depth)].min() <= 0.1)
 
 
 def find_far_plane(depth: np.ndarray) -> tuple[float, float] | None:
     """Metres at which a renderer put all that it does not show, and the share (0..1) of the pixels with depth (H x W metres) that
-    are exactly there; None: all seems measured."""
+    are exactly there; None: all seems measured. Of 240 depth maps of sensors, scanners and renderers without such a plane none
+    has a thousandth of its pixels at one depth twice as far as all else."""
     known = depth[is_valid(depth)]
     farthest = known.max(initial=0)
     rest = known[known < farthest]
     share = 1 - rest.size / max(1, known.size)
-    if farthest < CLIP_M or share < CLIP_SHARE or not rest.size or farthest < CLIP_RATIO * rest.max():
+    if farthest < 100 or share < 0.001 or not rest.size or farthest < 2 * rest.max():
         return None
     return float(farthest), share
 
@@ -200,7 +188,7 @@ def floor_and_ceiling(
         normal = plane_normal(np.array([a, b, c]), camera)
         far = 1 / max(float(np.linalg.norm(normal)), 1e-9)
         on_plane = np.abs(a * u + b * v + c - w[known]) < TOLERANCE * w[known]
-        if on_plane.mean() > FLOOR_SHARE and abs(normal[1]) * far > UPRIGHT:
+        if on_plane.mean() > 0.06 and abs(normal[1]) * far > 0.8:  # normals within 37 degrees of the vertical
             (below if normal[1] > 0 else above).append(far)
     return max(below, default=None), min(above, default=None)
 

@@ -7,42 +7,25 @@ import math
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.finding import Finding
 
-RADIANS = (0.05, math.pi)
-"""A field of view between these is meant in radians, not in degrees."""
-NARROWEST, WIDEST = 8.0, 125.0
-"""Degrees; few cameras see less or more."""
-OFF_CENTRE = 0.12
-"""Share of the size by which the principal point may lie off the middle."""
-SAME_ANGLE = 1.25
-"""Largest ratio of the widths of view (tangents) of a camera and of its picture's EXIF data."""
-SHARE = 5.0
-"""A focal length up to so many px is meant as a share of the picture's width."""
-MILLIMETRES = 150.0
-"""Degrees from which a focal length is that of a lens in millimetres; cameras of so wide a view have no such pictures."""
-SQUARE = 1.1
-"""Ratio of fx and fy beyond which pixels are not square."""
-OTHER_SIZES = (0.25, 1 / 3, 0.5, 2 / 3, 1.5, 2.0, 3.0, 4.0)
-"""Intrinsics are often for a picture so many times as large."""
-
 
 def looks_like_radians(fov: float) -> bool:
     """True for a field of view in degrees that no camera but a telescope has, and many in radians."""
-    return RADIANS[0] < fov < RADIANS[1]
+    return 0.05 < fov < math.pi
 
 
 def check_lens(camera: Camera) -> list[Finding]:
     """Findings on focal length, field of view, principal point and pixel shape."""
-    for times in OTHER_SIZES:
+    for times in (0.25, 1 / 3, 0.5, 2 / 3, 1.5, 2.0, 3.0, 4.0):
         if all(abs(c / (times * n / 2) - 1) < 0.08 for c, n in ((camera.cx, camera.width), (camera.cy, camera.height))):
             fx, fy, cx, cy = (value / times for value in (camera.fx, camera.fy, camera.cx, camera.cy))
             what = f"`cx` and `cy`, {camera.cx:.5g} and {camera.cy:.5g}, are the middle of a picture {times:.3g} times as large"
             mend = f"give `fx={fx:.6g}` `fy={fy:.6g}` `cx={cx:.6g}` `cy={cy:.6g}`"
             return [Finding("intrinsics-size", "fault", 0.95, what, mend)]
     wide, high = camera.wh
-    if camera.fx <= SHARE < 0.1 * wide:
+    if camera.fx <= 5 < 0.1 * wide:
         what = f"`fx` is {camera.fx:.3g} px, wider than any lens; it looks like a share of the picture's width"
         return [Finding("focal-length", "fault", 0.95, what, f"give `fx={camera.fx * wide:.5g}`")]
-    if camera.fov_deg > MILLIMETRES:
+    if camera.fov_deg > 150:  # cameras of so wide a view have no such pictures
         what = (
             f"`fx` is {camera.fx:.3g} px, a view of {camera.fov_deg:.3g} degrees; it looks like a lens in millimetres"
         )
@@ -58,7 +41,7 @@ def check_lens(camera: Camera) -> list[Finding]:
 
 def check_exif(camera: Camera, exif: Camera) -> list[Finding]:
     """Reports a camera that sees much more or less than the EXIF data of its picture say."""
-    if 1 / SAME_ANGLE < exif.fx / camera.fx < SAME_ANGLE:
+    if 1 / 1.25 < exif.fx / camera.fx < 1.25:
         return []
     seen, recorded = camera.fov_deg, exif.fov_deg
     what = f"the camera sees {seen:.3g} degrees, the picture's EXIF data say {recorded:.3g}"
@@ -70,7 +53,7 @@ def _check_width(camera: Camera) -> list[Finding]:
     if looks_like_radians(wide):
         what = f"the camera sees {wide:.3g} degrees, as narrow as a telescope; that looks like radians"
         return [Finding("fov-radians", "fault", 0.97, what, f"give `fov={math.degrees(wide):.4g}`")]
-    if not NARROWEST <= wide <= WIDEST:
+    if not 8 <= wide <= 125:
         what = f"the camera sees {wide:.3g} degrees, which few do (phones 65, Kinect 57 to 63, EasySynth 90)"
         return [Finding("field-of-view", "fault", 0.8, what, "check `fov`, or `fx` and the size it is for")]
     return []
@@ -79,10 +62,10 @@ def _check_width(camera: Camera) -> list[Finding]:
 def _check_shape(camera: Camera) -> list[Finding]:
     found = []
     off = max(abs(camera.cx / camera.width - 0.5), abs(camera.cy / camera.height - 0.5))
-    if off > OFF_CENTRE:
+    if off > 0.12:
         what = f"the principal point ({camera.cx:.5g}, {camera.cy:.5g}) lies {off:.0%} of the size off the middle"
         found.append(Finding("principal-point", "fault", 0.75, what, "right for a crop, else check `cx` and `cy`"))
-    if not 1 / SQUARE < camera.fx / camera.fy < SQUARE:
+    if not 1 / 1.1 < camera.fx / camera.fy < 1.1:
         what = f"`fx` is {camera.fx:.5g} and `fy` {camera.fy:.5g}, so pixels are not square"
         mend = "leave `fy` away, or check for what size `fx` and `fy` are"
         found.append(Finding("pixel-shape", "fault", 0.75, what, mend))

@@ -10,9 +10,6 @@ from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.diagnosis.frames.landing import brightness_ratio
 from dlama.perception.stereo.checks import Corners, diagnose_corners, match_corners, on_common_rows
 
-UNEVEN, WHITE = 1.3, 0.05
-"""Least ratio of brightness that is reported; share of white values (255) that one picture has more than the other, from which
-its exposure has lost them."""
 MENDS = {
     "unrelated": "give two pictures of one scene, taken side by side",
     "unrectified": "rectify the pair with its calibration (cv2.stereoRectify)",
@@ -42,12 +39,12 @@ def check_pair(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> list[
 def check_exposure(left: UInt8Array, right: UInt8Array) -> list[Finding]:
     """Reports pictures of a pair that are not equally bright."""
     times = brightness_ratio(left, right)
-    if 1 / UNEVEN < times < UNEVEN:
+    if 1 / 1.3 < times < 1.3:
         return []
     what = f"the right picture is {times:.2f} times as bright as the left one"
     mend = "nothing to do: matching and filling allow for it"
-    lost = abs(float((left == 255).mean() - (right == 255).mean()))
-    if lost > WHITE:
+    lost = abs(float((left == 255).mean() - (right == 255).mean()))  # by exposure
+    if lost > 0.05:
         what, mend = f"{what}, and {lost:.0%} of the brighter one is white", "expose both alike"
     return [Finding("exposure", "note", 0.8, what, mend)]
 

@@ -30,10 +30,6 @@ MOST_PX, LEAST_SCALE = 200_000, 1 / 6
 which a click's disc (7 px) keeps a pixel."""
 LEAST_SAMPLES = 20
 """Least pixels of an object and of what is not from which their colours are learnt."""
-SURROUNDINGS = 0.6
-"""Margin beyond the box, over its longer side, in which background colours are learnt."""
-ROUNDS = 5
-"""Of GrabCut in a box."""
 
 
 def at_same_depth(found: Planes, target: BoolArray, gap: float) -> BoolArray:
@@ -99,10 +95,11 @@ def is_object(state: UInt8Array) -> BoolArray:
 def cut_out_box(color: UInt8Array, prompt: Prompt) -> BoolArray:
     """H x W, True on the object in a box. MaskError where there is none."""
     tight = prompt.box_slices
-    box = larger_box(tight, int(SURROUNDINGS * (max(sides_of(tight)) - 1)) + 10, prompt.hw)
+    # colours of the background are learnt as far beyond the box
+    box = larger_box(tight, int(0.6 * (max(sides_of(tight)) - 1)) + 10, prompt.hw)
     state = np.where(prompt.inside[box], cv2.GC_PR_FGD, cv2.GC_BGD).astype(np.uint8)
     out = np.zeros(prompt.hw, np.bool_)
-    out[box] = run_grabcut(np.ascontiguousarray(color[box]), state, ROUNDS)
+    out[box] = run_grabcut(np.ascontiguousarray(color[box]), state, 5)
     if not out.any():
         raise MaskError("box holds nothing that stands apart in colour; a box round an object is expected")
     return out

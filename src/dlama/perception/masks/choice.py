@@ -29,10 +29,6 @@ ROUGH = "found in estimated depth, which is rough: look at the mask, or give dep
 AGREES, AGREES_ESTIMATED, AGREES_CAMERA = 0.4, 0.65, 0.8
 """Agreement of a mask with the network, over that of the network's own mask, from which it is taken: masks of depth that fits the
 picture, of the photo alone, and of a depth camera's."""
-WELL = 0.9
-"""The same of a mask found in a box, from which no click amid it is tried: that takes time."""
-LEAST = 0.2
-"""Probability of an object at a click, below which the click is on the background."""
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
@@ -88,7 +84,7 @@ class Masker:
             with contextlib.suppress(MaskError):
                 found += [mask & prompt.inside for mask in self.find(one).values()]
             rated = network.rate(found)
-            if rated and rated[0][0] >= WELL * network.own_iou:
+            if rated and rated[0][0] >= 0.9 * network.own_iou:  # a click amid it takes time
                 break
         if not (found or network.own.any()):
             raise MaskError("box holds nothing that stands apart; a box round an object is expected, or clicks on it")
@@ -129,7 +125,7 @@ class Masker:
         """
         network = NetworkMask.of(self.rgbd, prompt, self.seen)
         rated = self.rate_masks(prompt, network)
-        if network.there < LEAST or not (rated or network.own.any()):
+        if network.there < 0.2 or not (rated or network.own.any()):
             where = "where nothing stands apart: that is ground, a wall or the sky"
             raise NothingThereError(prompt.on[0], where, "amid an object")
         return self.choose(rated, network, prompt)

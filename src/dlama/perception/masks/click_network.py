@@ -40,8 +40,6 @@ FIRST_WINDOW, LARGEST_WINDOW, SMALLEST_WINDOW = 0.75, 1.4, 40
 """Side of the first square and of the largest, over the picture's longer side, and the least in px."""
 WINDOW, MARGIN_PX = 3.0, 8
 """Side of the next square over the distance that the object reaches from the click, and px more."""
-NEAR_PX = 3
-"""Of the picture: how near the click the probability of an object is looked for, where the network does not say it."""
 ROUNDS, SAME_WINDOW = 2, 1.25
 """Squares after the first, and the ratio of two from which another one is worth its time."""
 
@@ -102,7 +100,7 @@ def salient_about(seen: WindowSaliency, pixel: Pixel, side: int) -> Float32Array
 
 
 def probability_in_window(planes: Float32Array, file: NetworkFile) -> tuple[Float32Array, list[float]]:
-    """SIDE x SIDE; and the probability of an object at the click, if the network says it: means over the planes and their
+    """SIDE x SIDE; and the probability of an object at the click (that of corrections says none): means over the planes and their
     mirror image."""
     mirrored = planes[:, :, ::-1].copy()
     mirrored[PLANES.index("right")] *= -1
@@ -143,10 +141,7 @@ def object_probability(
             salient[1] = salient_about(seen, pixel, 2 * radius + 1)
         found, more = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
         objects += more
-    out = place_square(found, pixel, radius, hw)
-    return ClickAnswer(
-        out, -(-(2 * radius + 1) // SIDE), max(objects or [float(out[square_about(pixel, NEAR_PX)].max())])
-    )
+    return ClickAnswer(place_square(found, pixel, radius, hw), -(-(2 * radius + 1) // SIDE), max(objects))
 
 
 def next_side(found: Float32Array, side: int, longer: int) -> float:

@@ -45,17 +45,11 @@ from dlama.perception.masks.prompt import Pixel, Prompt, square_about
 
 MARGIN, CLOSER = 1.1, 1.5
 """Half the side of a square over the reach of the mask, and of the second square over that of the region found in the first."""
-BOX_MARGIN = 1.4
-"""Half the side of a square over that of the box in it."""
 OVERLAP = 0.1
 """Largest share of another object that the mask has already."""
 NEAR = 1 / 16
 """Radius of what changes where the network finds no region, over the picture's longer side."""
-SNAP = 2
-"""Radius about a click in cells of the network in which the region that changes is searched."""
 NETWORK = FOLDER / "correction.onnx"
-KEPT, ADDED = 0.1, 0.5
-"""Least probability of a carried pixel, and of another one, that belongs to the object."""
 BAND_PX = 2
 """Half the width in px of the band along the border that colours decide where depth edges are off the picture's; parts as thin as
 that stay as they are."""
@@ -125,7 +119,7 @@ def find_region(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt, radiu
     cell, square, flip = max(1, round((2 * radius + 1) / SIDE)), square_about(pixel, radius), np.zeros_like(mask)
     inside = probability[square] > 0.5
     flip[square] = (inside != mask[square]) & (mask[square] == mask[pixel])
-    near = square_about(pixel, SNAP * cell)
+    near = square_about(pixel, 2 * cell)
     region = region_at(morphological_open(flip, disc(cell)), near)
     return region if region.any() else region_at(flip, near), cell
 
@@ -147,7 +141,7 @@ def probability_in_box(rgbd: RGBD, prompt: Prompt) -> tuple[Float32Array, int]:
     each of the network."""
     rows, columns = prompt.box_slices
     pixel = (rows.start + rows.stop) // 2, (columns.start + columns.stop) // 2
-    radius = int(BOX_MARGIN * max(sides_of((rows, columns))) / 2) + 2
+    radius = int(1.4 * max(sides_of((rows, columns))) / 2) + 2
     planes = correction_planes(rgbd, prompt.inside, pixel, prompt, radius)
     planes[PLANES.index("click")] = 0
     found, _ = probability_in_window(planes, shipped_network(NETWORK))
@@ -174,7 +168,7 @@ def correct_carried(view: View, mask: BoolArray, confirmed: BoolArray, barred: B
     row, column = pixel = innermost_pixel(mask)
     prompt = Prompt(mask.shape, clicks=((column, row),))
     probability = corrected_probability(rgbd, mask, pixel, prompt, radius_to_see(mask, pixel))
-    found = confirmed | np.where(mask, probability > KEPT, (probability > ADDED) & ~barred)
+    found = confirmed | np.where(mask, probability > 0.1, (probability > 0.5) & ~barred)
     if view.find_once(edge_uncertainty) < CLEARLY:
         return found
     thin = found & ~dilate_mask(morphological_open(found, disc(BAND_PX)), 1)

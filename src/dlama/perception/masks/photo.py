@@ -28,8 +28,6 @@ CLICK_PX = 3
 """Radius in px in which a click selects a salient region."""
 LEAST_GAIN = 0.05
 """Gain in confidence that the mask of each smaller window needs: the network is often confident of both."""
-DIFFERENT = 0.9
-"""Largest intersection over union of two masks that are different readings of a click."""
 CUT_OFF = 0.2
 """Share of a window's border that a mask crosses, from which the whole picture is used, too."""
 
@@ -186,8 +184,11 @@ def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> Bo
     return decide_by_color(rgbd, mask, band)
 
 
-def name_masks(mask: BoolArray, others: list[BoolArray], different: float = DIFFERENT) -> dict[str, BoolArray]:
-    """The mask as `object`, and the first readings that differ from it: a smaller one as `part`, a larger one as `group`."""
+def name_masks(mask: BoolArray, others: list[BoolArray], different: float = 0.9) -> dict[str, BoolArray]:
+    """The mask as `object`, and the first readings that differ from it: a smaller one as `part`, a larger one as `group`.
+
+    different: the largest intersection over union of two masks that are different readings.
+    """
     out = {"object": mask}
     for other in others:
         if (mask & other).sum() < different * (mask | other).sum():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +31,7 @@ def whole_pixels(start: float, length: float, most: int) -> slice:
 
 @dataclass(frozen=True)
 class Prompt:
-    """Clicks and a box in a picture of a certain size; raises InputError for what lies outside it."""
+    """Clicks and a box, numbers all, in a picture of a certain size; raises InputError for what lies outside it."""
 
     hw: tuple[int, int]
     """Height and width of the picture."""
@@ -48,7 +46,7 @@ class Prompt:
         height, width = self.hw
         for name, points in (("clicks", self.clicks), ("not_clicks", self.not_clicks)):
             for point in points:
-                x, y = check_numbers(name, point, 2, "(x, y)")
+                x, y = point
                 if not (0 <= x < width and 0 <= y < height):
                     raise InputError(
                         f"`{name}` holds {x:g},{y:g}, which lies outside the picture; x in 0..{width - 1} and "
@@ -63,15 +61,15 @@ class Prompt:
 
     def _check_box(self, box: tuple[float, float, float, float]) -> None:
         height, width = self.hw
-        x, y, wide, high = check_numbers("box", box, 4, "(x, y, width, height)")
-        if wide < 1 or high < 1:
+        x, y, wide, high = box
+        if not (wide >= 1 and high >= 1):
             raise InputError(f"`box` is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
         if wide > width or high > height:  # x,y,x,y of two corners
             raise InputError(
                 f"`box` is {wide:g} x {high:g} pixels, larger than the picture of {width}x{height}; "
                 "x,y,width,height of a part of it are expected"
             )
-        if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
+        if not (-wide < x < width and -high < y < height):
             raise InputError(
                 f"`box` is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
                 "x,y,width,height of a part of it are expected"
@@ -108,14 +106,3 @@ class NothingThereError(MaskError):
     def __init__(self, pixel: Pixel, where: str, on: str = "on an object") -> None:
         super().__init__(f"`clicks` holds {pixel[1]},{pixel[0]}, {where}; click {on}, or give a box round it")
         self.pixel, self.where, self.on = pixel, where, on
-
-
-def check_numbers(name: str, values: Sequence[float], count: int, kind: str) -> tuple[float, ...]:
-    """`count` finite numbers; else InputError."""
-    try:
-        numbers = tuple(float(value) for value in values)
-    except (TypeError, ValueError):
-        numbers = ()
-    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"`{name}` holds {values!r}; {count} numbers {kind} are expected")
-    return numbers

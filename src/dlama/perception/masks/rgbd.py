@@ -47,16 +47,12 @@ NOISE_STEP = 4.0
 """The same, in standard deviations of the noise."""
 SNAP_PX = 6
 """Radius in px in which a click finds the nearest piece: thin objects are hard to hit."""
-MORE_PX = 1
-"""Pixels added to the misalignment of depth edges: the band that colours decide."""
 BAND_PX = 5
 """Least width in px of a stand's top: a narrower band is where its plane cuts another surface,"""
 STANDS_GAP = 0.03
 """largest relative difference in depth where an object touches it,"""
 WIDER = 1.3
 """and least width of what is seen of it, in widths of the object: the seat of a chair is as wide as its back."""
-IN_BOX = 0.7
-"""Least share of a piece inside the box for it to belong to the object."""
 OBJECT_GAP = 0.15
 """Largest relative depth difference of touching pieces of one object: a lamp's shade hangs before its pole."""
 GROUP_GAP = 0.3
@@ -139,9 +135,9 @@ def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     depth."""
     if not prompt.clicks:
         return segment_box(measured, prompt)
-    seed, support = find_seed(measured, prompt.on[0])
+    support = find_supports_at(measured, prompt.on[0])
     with_stand = pieces = find_pieces(measured, support)
-    seed = snap_to_piece(pieces, seed)
+    seed = snap_to_piece(pieces, prompt.on[0])
     stands = find_stands(measured, pieces, seed)
     if stands.any():
         pieces = find_pieces(measured, support | stands)
@@ -154,17 +150,17 @@ def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     return drop_duplicates({name: finish_mask(measured, mask) for name, mask in drop_duplicates(whole).items()})
 
 
-def find_seed(measured: Measured, pixel: Pixel) -> tuple[Pixel, BoolArray]:
-    """The pixel of a click on an object, and H x W, the planes that support it. MaskError where it is on none."""
+def find_supports_at(measured: Measured, pixel: Pixel) -> BoolArray:
+    """H x W, the planes that support the object at a click. MaskError where it is on none."""
     rgbd, found = measured.rgbd, measured.planes
     check_surfaces(rgbd)
     if not (rgbd.far[pixel] or is_ground(found, *pixel)):
-        return pixel, find_supports(found, [pixel])
-    support = find_supports(found, [])
+        return find_supports(found, pixel)
+    support = find_supports(found)
     if not (rgbd.valid & ~support)[square_about(pixel, SNAP_PX)].any():
         what = "the sky" if rgbd.far[pixel] else "a plain surface (ground, wall or table)"
         raise NothingThereError(pixel, f"which lies on {what}: nothing stands apart there")
-    return pixel, support
+    return support
 
 
 def find_pieces(measured: Measured, support: BoolArray) -> Pieces:
@@ -217,17 +213,17 @@ def finish_mask(measured: Measured, mask: BoolArray) -> BoolArray:
     """The mask with its border on the picture's edges."""
     rgbd, offset = measured.rgbd, measured.edge_offset
     unknown = rgbd.missing & dilate_mask(mask, HOLE_PX)
-    return snap_to_picture_edges(rgbd, mask, offset + MORE_PX if offset else 0, unknown)
+    return snap_to_picture_edges(rgbd, mask, offset + 1 if offset else 0, unknown)
 
 
 def segment_box(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
-    """The object in a box: pieces almost wholly inside it that connect to the largest of them."""
+    """The object in a box: pieces that lie inside it to seven tenths and connect to the largest of them."""
     inside = prompt.inside
-    pieces = find_pieces(measured, find_supports(measured.planes, [], inside))
+    pieces = find_pieces(measured, find_supports(measured.planes, box=inside))
     label = np.where(pieces.free, pieces.label, 0).ravel()
     sizes = np.bincount(label[pieces.free.ravel()], minlength=label.size)
     held = np.bincount(label[(pieces.free & inside).ravel()], minlength=label.size)
-    whole = (held >= IN_BOX * np.maximum(sizes, 1)) & (held > 0)
+    whole = (held >= 0.7 * np.maximum(sizes, 1)) & (held > 0)
     if not held.any():
         raise MaskError(
             "box holds nothing that stands apart in depth; a box round an object is expected, or clicks on it"

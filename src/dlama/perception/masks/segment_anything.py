@@ -18,7 +18,7 @@ from dlama.errors import FileError, InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.cache import locate, user_path
 from dlama.models.contracts import ColorContract
-from dlama.models.network_file import NetworkFile
+from dlama.models.network_file import NetworkFile, open_kept
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.photo import name_masks
 from dlama.perception.masks.prompt import Prompt
@@ -29,10 +29,6 @@ POINTS = ("point_coords", "batched_point_coords")
 LABELS = ("point_labels", "batched_point_labels")
 DTYPES = {"tensor(float)": np.float32, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
 """Of a decoder's inputs."""
-SEVERAL = 4
-"""Number of masks of a decoder with several outputs."""
-ALIKE = 0.95
-"""Least intersection over union of two masks that are one candidate."""
 
 
 @dataclass(frozen=True)
@@ -158,14 +154,14 @@ def name_candidates(
     """
     found = [(mask > 0) for mask in masks]
     best = int(np.argmax(scores))
-    if len(found) == SEVERAL:  # the first mask is learnt for several points, the others for one (Kirillov et al. 2023)
+    if len(found) == 4:  # the first mask is learnt for several points, the others for one (Kirillov et al. 2023)
         count = len(prompt.clicks) + len(prompt.not_clicks) + 2 * (prompt.box is not None)
         best = 0 if count > 1 else 1 + int(np.argmax(scores[1:]))
     if not found[best].any():
         raise MaskError("the network sees nothing there; other clicks, or a box round the object, are expected")
     size = int(found[best].sum())
     others = sorted((mask for mask in found if mask.any()), key=lambda mask: abs(int(mask.sum()) - size))
-    return name_masks(found[best], others, ALIKE), (f"score {scores[best]:.2f}",)
+    return name_masks(found[best], others, 0.95), (f"score {scores[best]:.2f}",)
 
 
 def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContract]:
@@ -181,7 +177,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
     files, contract = _files_of(mask_model)
     if len(files) != 2:
         raise InputError(f"`mask_model` is {mask_model!r}; {expected} is expected")
-    encoder, decoder = (NetworkFile(user_path(file)) for file in files)
+    encoder, decoder = (open_kept(NetworkFile, user_path(file)) for file in files)
     contract = contract or PairContract.of_file(encoder)
     if contract is None:
         raise InputError(

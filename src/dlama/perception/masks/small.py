@@ -18,10 +18,8 @@ from dlama.perception.resampling import nearest_pixels, shrink_rgbd
 
 LARGEST, SMALL = 2_200_000, 1_000_000
 """Pixels of the largest picture in which masks are found at full size, and of the smaller one of a larger picture."""
-COLOR_SIGMA, DEPTH_SIGMA = 15.0, 0.02
-"""Difference of alike pixels: levels in each channel, and of inverse depth, relative."""
-SPACE_SIGMA = 0.7
-"""The same of places, in pixels of the small picture."""
+COLOR_SIGMA, DEPTH_SIGMA, SPACE_SIGMA = 15.0, 0.02, 0.7
+"""Difference of alike pixels: levels a channel, of inverse depth, relative, and of places, in the small picture's pixels."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,15 +18,12 @@ SMALLEST_SUPPORT = 0.03
 LITTLE_BEHIND = 0.1
 """Largest share of a plane's border with something behind it, for it to be a support: the ground, a ceiling, a wall. Above it
 the plane is the face of an object."""
-INSIDE_BOX = 0.6
-"""Share of a plane's pixels in the user's box from which it belongs to the object."""
 BEFORE = 1.01
 """Inverse depth of a pixel over a plane's from which it lies before the plane."""
 BEHIND = 1.015
 """Inverse depth of a plane over an adjacent pixel's from which that lies behind the plane."""
 NOISY = 6.0
 """Least difference for both, in standard deviations of the noise."""
-BORDER_PX = 2
 LEVEL = 0.8
 """Least cosine between a level plane's normal and the vertical of the camera."""
 
@@ -73,7 +70,7 @@ def behind_share(
     w: Float32Array, known: BoolArray, on_plane: BoolArray, plane: NDArray[np.float64], noise: float
 ) -> float:
     """Share (0..1) of a plane's border pixels that lie behind it: of the ground none, of a box's face most."""
-    rows, columns = np.nonzero(known & ~on_plane & dilate_mask(on_plane, BORDER_PX))
+    rows, columns = np.nonzero(known & ~on_plane & dilate_mask(on_plane, 2))
     if not len(rows):
         return 0.0
     value = plane[0] * (columns + 0.5) + plane[1] * (rows + 0.5) + plane[2]
@@ -81,13 +78,14 @@ def behind_share(
     return float(np.mean((BEHIND * here < value) & (here + NOISY * noise < value)))
 
 
-def find_supports(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | None = None) -> BoolArray:
-    """H x W, True on the planes that support the object at `seeds` (row, column) or in a box."""
+def find_supports(found: Planes, seed: tuple[int, int] | None = None, box: BoolArray | None = None) -> BoolArray:
+    """H x W, True on the planes that support the object at `seed` (row, column) or in a box (H x W). A plane with most of its
+    pixels in the box belongs to the object."""
     chosen = [
         found.share(n) >= SMALLEST_SUPPORT
-        and not any(found.label[seed] == n + 1 for seed in seeds)
+        and (seed is None or found.label[seed] != n + 1)
         and found.behind[n] <= LITTLE_BEHIND
-        and (box is None or found.share(n, box) <= INSIDE_BOX)
+        and (box is None or found.share(n, box) <= 0.6)
         for n in range(len(found.planes))
     ]
     return np.asarray(np.array([False, *chosen])[np.maximum(found.label, 0)])

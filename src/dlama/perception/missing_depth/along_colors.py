@@ -21,22 +21,14 @@ from dlama.perception.missing_depth.kernels import conductances, relax
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values_at
 from dlama.perception.sky import find_plain_sky
 
-BLUR = 1.5
-"""Sigma in px of the blur of colours before: noise is no edge."""
-FARTHEST = 1e6
-"""A path longer than any."""
 DETACHED = 15.0
 """Extra path length, in px, from pixels of no plane, in noisy depth."""
 RIM_PX = 4
 """Width of the rim of measured surfaces that does not extend along colours where there is sky; single readings have none."""
-FADING = 16.0
-"""Pixels over which a plane's residual at the known pixel fades out."""
 MOST = 3.0
 """Largest ratio of depths between a plane and its known pixel."""
-KEEP, SWEEPS, SETTLED = 0.01, 80, 1e-4
-"""For `relax`: weight of each pixel's own value, most sweeps, and the change (1/m) at which it stops."""
 AT_ONCE = 8
-"""Sweeps that run together."""
+"""Sweeps of `relax` that run together."""
 PIECE = 1 << 16
 """Pixels that are worked on at a time."""
 
@@ -75,7 +67,7 @@ def fill_along_colors(
     """
     w, label = surfaces.inverse_depth, surfaces.label
     smooth_color = fill_with_nearest(color, missing | ~hole).astype(np.float32)
-    cv2.GaussianBlur(smooth_color, (0, 0), BLUR, dst=smooth_color)
+    cv2.GaussianBlur(smooth_color, (0, 0), 1.5, dst=smooth_color)  # noise is no edge
     start = (label == SMOOTH) * np.float32(DETACHED) if surfaces.noise else 0.0
     known, free = ~hole | sky, missing & ~sky
     if sky.any():
@@ -83,7 +75,7 @@ def fill_along_colors(
         inside = ~hole & ~dilate_mask(missing, RIM_PX)
         rim = ~hole & ~inside & dilate_mask(inside, RIM_PX + 1)
         known, free = known & ~rim, free | rim
-    source = nearest_along_colors(smooth_color, known, free, longest=FARTHEST, start=start)
+    source = nearest_along_colors(smooth_color, known, free, longest=1e6, start=start)
     reached = missing & (source >= 0)
     out, labels = w.copy(), label.copy()
     places = np.flatnonzero(reached)
@@ -101,15 +93,15 @@ def fill_along_colors(
 def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> None:
     """Relax the `loose` pixels (H x W) of inverse depth (H x W, 1/m) towards their neighbours, less across picture edges.
 
-    color: H x W x 3.
+    In 80 sweeps at most, or until none changes by 1e-4 / m. color: H x W x 3.
     """
     across, down, begin = np.empty_like(w), np.empty_like(w), w.copy()
     in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), begin, color)
-    to_relax = across, down, loose, np.float32(KEEP), begin, w
-    for _ in range(0, SWEEPS, AT_ONCE):
+    to_relax = across, down, loose, np.float32(0.01), begin, w
+    for _ in range(0, 80, AT_ONCE):
         before, changes = w[loose], np.empty(AT_ONCE)
         relax(*to_relax, changes)
-        settled = np.flatnonzero(changes < SETTLED)
+        settled = np.flatnonzero(changes < 1e-4)
         if settled.size:  # those after it were too many
             w[loose] = before
             relax(*to_relax, changes[: settled[0] + 1])
@@ -123,7 +115,8 @@ def extend_surfaces(
     at: tuple[NDArray[np.int64], ...],
     known: NDArray[np.int32],
 ) -> NDArray[np.float64]:
-    """N inverse depths at the pixels `at` (rows, columns): of the planes of their known pixels, or the known ones' own.
+    """N inverse depths at the pixels `at` (rows, columns): of the planes of their known pixels, whose residual there fades out
+    over 16 pixels, or the known ones' own.
 
     w: H x W; labels: N, of the known pixels; known: N, flat.
     """
@@ -132,5 +125,5 @@ def extend_surfaces(
     on_plane = plane_values_at(planes, labels, at[0], at[1])
     plausible = (labels > 0) & (on_plane * MOST > own) & (on_plane < MOST * own)
     residual = own - plane_values_at(planes, labels, rows, columns)
-    fading = np.exp(-np.hypot(at[0] - rows, at[1] - columns) / FADING)
+    fading = np.exp(-np.hypot(at[0] - rows, at[1] - columns) / 16)
     return np.where(plausible, on_plane + residual * fading, own)

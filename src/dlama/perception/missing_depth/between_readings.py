@@ -20,10 +20,6 @@ from dlama.perception.planes import SMOOTH
 REACH, SPACINGS = 0.02, 4.0
 """Distance from readings up to which depth is missing between them: over the picture's longer side, and over the mean spacing of
 readings; the larger one counts."""
-MOSTLY = 0.5
-"""Share of the readings from which single ones make a picture's depth that of single readings."""
-FARTHEST_SHARE, AT_LIMIT = 0.005, 0.9
-"""Share of the known pixels that are farther than the sensor's range, and depth over it from which a pixel is at its end."""
 LEAST_SHARE, BEGINS, RIM_PX = 0.04, 0.3, 3
 """Of a missing part beyond the range: its least share of the picture; the least share of the known pixels round it at the
 range's end; and how far round it they are looked for."""
@@ -53,7 +49,7 @@ def has_single_readings(known: BoolArray) -> bool:
         return False
     near = np.pad(known, 1)
     alone = ~(near[:-2, 1:-1] | near[2:, 1:-1]) | ~(near[1:-1, :-2] | near[1:-1, 2:])
-    return bool((alone & known).sum() > MOSTLY * known.sum())
+    return bool((alone & known).sum() > 0.5 * known.sum())
 
 
 def reach_between(known: BoolArray) -> int:
@@ -78,7 +74,7 @@ def move_beyond_range(filled: DepthByColor, w: Float32Array, missing: BoolArray,
     near = ~hole & (w > 0)
     if missing.mean() < LEAST_SHARE or not near.any():
         return filled
-    limit = np.float32(np.quantile(w[near], FARTHEST_SHARE))
+    limit = np.float32(np.quantile(w[near], 0.005))
     moved = find_beyond_range(w, missing, near, limit) & filled.reached & (filled.inverse_depth > limit)
     if not moved.any():
         return filled
@@ -97,6 +93,6 @@ def find_beyond_range(w: Float32Array, missing: BoolArray, near: BoolArray, limi
             continue
         this = missing & dilate_mask(part == number, round(1.5 * reach))  # into right-angled corners, too
         rim = w[dilate_mask(this, RIM_PX) & near]
-        if rim.size and (rim < limit / AT_LIMIT).mean() >= BEGINS:
+        if rim.size and (rim < limit / 0.9).mean() >= BEGINS:
             out |= this
     return out

@@ -12,10 +12,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 
 SIDE = 320
 """Longer side of the crop in its own pixels."""
-ASIDE, BELOW, ABOVE = 1.6, 1.2, 0.5
-"""Margins of the crop, in diagonals of the object."""
-LARGEST_SCALE = 2.0
-"""Largest factor by which small crops are enlarged."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +49,11 @@ class Crop:
 
 
 def crop_around(mask: BoolArray) -> Crop:
-    """The crop in which an object's shadow is searched."""
+    """The crop in which an object's shadow is searched; margins in diagonals of the object: 1.6 aside, 1.2 below, 0.5 above."""
     rows, columns = tight = box_around(mask, 0)
     height, width = mask.shape
     diagonal = float(np.hypot(*sides_of(tight))) + 8
-    top, bottom = max(0, int(rows.start - ABOVE * diagonal)), min(height, int(rows.stop + BELOW * diagonal))
-    left, right = max(0, int(columns.start - ASIDE * diagonal)), min(width, int(columns.stop + ASIDE * diagonal))
-    scale = min(LARGEST_SCALE, SIDE / max(bottom - top, right - left))
+    top, bottom = max(0, int(rows.start - 0.5 * diagonal)), min(height, int(rows.stop + 1.2 * diagonal))
+    left, right = max(0, int(columns.start - 1.6 * diagonal)), min(width, int(columns.stop + 1.6 * diagonal))
+    scale = min(2.0, SIDE / max(bottom - top, right - left))
     return Crop(slice(top, bottom), slice(left, right), scale)

@@ -19,8 +19,6 @@ POINTS = 8000
 """Most points of the object that are cast for each direction of light."""
 GAP_PX = 7
 """Noise of matched depth leaves gaps in the ground: narrower ones that are on no other plane belong to it."""
-BENT = 0.2
-"""Largest relative difference of estimated inverse depth of the ground from its plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +88,7 @@ def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     surface = on_plane | (closed & (found.label < 1))
     if rgbd.estimate is not None:  # estimated ground bends
         value = plane_values(found.planes[number - 1 : number], mask.shape)[0]
-        surface = np.abs(value - found.w) < BENT * found.w
+        surface = np.abs(value - found.w) < 0.2 * found.w
     return Ground(normal, np.asarray(surface & rgbd.valid & ~mask))
 
 

@@ -18,18 +18,12 @@ from dlama.perception.shadows.ground import EDGE_PX
 
 WINDOW_PX = 5
 """Side in px of the window over which darkness is averaged."""
-AROUND = 1.6
-"""Radius of the fit, in diagonals of the object."""
-ROUNDS = 8
-"""Of the robust fit of the lit surface."""
 FEWEST_PX = 200
 """Least number of surface pixels round the object."""
 POINTS = 20000
 """Number of pixels in the fit, about."""
 MOST_HIDDEN = 0.95
 """Occluded share of the sky beyond which a point is lit from elsewhere."""
-ALL_FROM_THE_SKY = 1 / 2.2
-"""Largest exponent: all light comes from the sky, and 2.2 is the gamma of pictures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +55,7 @@ def measure_darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion:
     height, width = mask.shape
     design, value = quadratic(u / width, v / height), smooth[v, u].astype(np.float64)
     fit = robust_fit(np.c_[design, -hidden[v, u]], value)
-    share = float(np.clip(fit[-1], 0, ALL_FROM_THE_SKY))
+    share = float(np.clip(fit[-1], 0, 1 / 2.2))  # at most all light comes from the sky; 2.2 is the gamma of pictures
     if share != fit[-1]:
         fit = robust_fit(design, value + share * hidden[v, u])
     rows, columns = np.nonzero(surface & near)
@@ -92,7 +86,7 @@ def log_luma(color: UInt8Array) -> Float32Array:
 def robust_fit(design: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
     """C coefficients of the lit surface: design (N x C) @ C ~ value (N), where much darker values count less each round."""
     weight = np.ones(len(value))
-    for _ in range(ROUNDS):
+    for _ in range(8):
         root = np.sqrt(weight)
         fit = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)[0]
         off = value - design @ fit
@@ -108,8 +102,8 @@ def quadratic(u: np.ndarray, v: np.ndarray) -> NDArray[np.float64]:
 
 
 def around(mask: BoolArray) -> BoolArray:
-    """H x W, True in the box of the mask grown by AROUND of its diagonal."""
+    """H x W, True in the box of the mask grown by 1.6 of its diagonals."""
     tight = box_around(mask, 0)
     out = np.zeros(mask.shape, np.bool_)
-    out[larger_box(tight, int(AROUND * np.hypot(*sides_of(tight))), mask.shape)] = True
+    out[larger_box(tight, int(1.6 * np.hypot(*sides_of(tight))), mask.shape)] = True
     return out

@@ -19,16 +19,12 @@ from dlama.perception.shadows.ground import StandingObject, light_offsets, surfa
 
 DIRECTIONS = 64
 """Number of directions, each with the same share of the sky's light."""
-GOLDEN = 2.39996
-"""Golden angle in radians between successive directions, round the vertical."""
 POINTS = 2000
 """Most points of the object in each of LAYERS of its thickness."""
 THICK, LAYERS = 0.5, 5
 """Assumed thickness of an object, in its widths."""
 COARSE = 2
 """Pixels of the crop (`crop.SIDE`) in one of the map."""
-BLUR_PX = 1.5
-"""Blur of the map in its pixels, against steps between directions."""
 
 
 def ambient_occlusion(caster: StandingObject, camera: Camera, crop: Crop) -> Float32Array:
@@ -45,7 +41,7 @@ def ambient_occlusion(caster: StandingObject, camera: Camera, crop: Crop) -> Flo
         shape = np.zeros((high, wide), np.uint8)
         shape[v[seen].astype(int), u[seen].astype(int)] = 1
         total += cv2.morphologyEx(shape, cv2.MORPH_CLOSE, square(5))
-    smooth = cv2.GaussianBlur(total / DIRECTIONS, (0, 0), BLUR_PX)
+    smooth = cv2.GaussianBlur(total / DIRECTIONS, (0, 0), 1.5)  # against steps between directions
     return crop.place(np.asarray(smooth, np.float32), camera.hw)
 
 
@@ -62,7 +58,8 @@ def thicken(caster: StandingObject) -> StandingObject:
 
 
 def sky_directions(up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """DIRECTIONS x 3: metres over the surface for each metre of height, in camera axes; as dense as the cosine to `up`."""
+    """DIRECTIONS x 3: metres over the surface for each metre of height, in camera axes; as dense as the cosine to `up`, the
+    golden angle from one to the next."""
     number = np.arange(DIRECTIONS)
-    sine2, turn = (number + 0.5) / DIRECTIONS, GOLDEN * number
+    sine2, turn = (number + 0.5) / DIRECTIONS, 2.39996 * number
     return light_offsets(up, np.sqrt(sine2 / (1 - sine2)), turn)

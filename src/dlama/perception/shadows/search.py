@@ -30,8 +30,6 @@ FINE_TURNS = np.linspace(-2 / 3, 2 / 3, 5)
 """and steps of the direction."""
 REFINED = 6
 """Number of coarse directions that are refined."""
-LONG = 2.5
-"""Slope above which shadows are rare: a low sun."""
 SIDE_PX = 256
 """The picture is reduced by a whole factor to about this many pixels along its longer side."""
 BLUR_PX, STEEPEST = 1.2, 0.08
@@ -43,15 +41,6 @@ FEWEST_PX = 8
 """Least pixels of the cast shape on the visible surface; a smaller one has no strength."""
 SMALLEST_PX = 25
 """Fewer points of an object, or pixels of a shadow, are ignored."""
-OWN_LIGHT = 0.6
-"""Probability of the shape that the best light of the object casts; one fitted to seven features of the shape found no more
-shadows."""
-TALLEST, LOWEST = 4.0, 0.04
-"""Heights over the surface, in object heights, outside which points do not count for the common light."""
-COMMON_POINTS = 4000
-"""Most points, of all objects on the surface, in the search of their common light."""
-STRONG = 20.0
-"""Strength of a shape under the common light that counts as certain."""
 
 
 def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> tuple[NDArray[np.float64], float] | None:
@@ -78,7 +67,9 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> tuple
         args = *points, offsets(slopes, turns), lens, divergence, seen, stamps, out
         in_bands(cast_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
         flux, pixels, border = out.T
-        strength = flux / (spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / LONG) ** 2)
+        strength = (
+            flux / (spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / 2.5) ** 2)
+        )  # a low sun is rare
         return np.asarray(np.where(pixels < FEWEST_PX, 0, strength))
 
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
@@ -115,19 +106,21 @@ def find_cast_shapes(
     if len(caster.base) < SMALLEST_PX:
         return [None, None]
     found = best_direction(caster, rgbd, usable)
-    own = None if found is None else (OWN_LIGHT, cast_shape(caster, found[0], rgbd, usable))
+    # its own probability; one fitted to seven features of the shape found no more shadows
+    own = None if found is None else (0.6, cast_shape(caster, found[0], rgbd, usable))
     return [own, find_common_light(rgbd, ground, usable, caster, tall)]
 
 
 def find_common_light(
     rgbd: RGBD, ground: Ground, usable: BoolArray, caster: StandingObject, tall: float
 ) -> tuple[float, BoolArray] | None:
-    """The shape cast by the light that explains the shadows of all objects on the surface."""
+    """The shape cast by the light that explains the shadows of all objects on the surface, of at most 4000 points that are
+    neither much lower nor much taller than the object; at a strength of 20 it is nearly certain."""
     there = rgbd.valid & ~ground.surface
     every = rays(rgbd.camera)[there] * rgbd.depth[there][:, None]
     height = ground.heights(every)
-    keep = np.flatnonzero((height > LOWEST * tall) & (height < TALLEST * tall))
-    keep = keep[:: max(1, len(keep) // COMMON_POINTS)]
+    keep = np.flatnonzero((height > 0.04 * tall) & (height < 4 * tall))
+    keep = keep[:: max(1, len(keep) // 4000)]
     if len(keep) < SMALLEST_PX:
         return None
     others = measure_object(every[keep], height[keep], ground)
@@ -135,7 +128,7 @@ def find_common_light(
     if found is None:
         return None
     over, strength = found
-    return float(np.tanh(strength / STRONG)), cast_shape(caster, over, rgbd, usable)
+    return float(np.tanh(strength / 20)), cast_shape(caster, over, rgbd, usable)
 
 
 def cast_shape(caster: StandingObject, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:

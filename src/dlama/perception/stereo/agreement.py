@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.errors import MaskError, ShapeError
+from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, fill_with_nearest, morphological_close
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
-from dlama.perception.stereo.matching import TOLERANCE_PX, check_pictures, nearest_columns
+from dlama.perception.stereo.matching import TOLERANCE_PX, nearest_columns
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,7 @@ def consistency(
     two disparities differ by at most 1 px; a pixel that the right camera cannot see but has a (filled) disparity
     counts as disagreeing, so dense true disparities do not reach 1 (cone 0.95, Cloth3 0.975). coverage: of all left
     pixels, the share with a disparity.
-    Raises ShapeError when sizes differ.
     """
-
-    check_pictures(left_color, right_color)
-    for name, disparity in (("left", left_disparity), ("right", right_disparity)):
-        if disparity.shape != left_color.shape[:2]:
-            raise ShapeError(f"{name} disparity is {disparity.shape}, the pictures are {left_color.shape[:2]}")
     ours, theirs = _nan_where_unknown(left_disparity), _nan_where_unknown(right_disparity)
     known = np.isfinite(ours)
     shift = np.where(known, ours, 0)
@@ -74,13 +68,8 @@ def transfer_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArr
 
     Every masked pixel moves by its disparity (0, NaN, inf = unknown: the nearest known one inside the mask is taken),
     and gaps of up to 4 columns or 2 rows are closed. What leaves the picture is dropped. An empty mask stays empty.
-    Raises MaskError when mask and disparity differ in size, or no disparity is known inside the mask.
+    Raises MaskError when no disparity is known inside the mask.
     """
-
-    if mask_left.shape != left_disparity.shape:
-        raise MaskError(
-            f"`mask` is {mask_left.shape} and the left disparity {left_disparity.shape}; both must be the same"
-        )
     carried = np.zeros(mask_left.shape, np.bool_)
     if not mask_left.any():
         return carried

@@ -18,8 +18,6 @@ from dlama.perception.sky import find_plain_sky
 
 FEATURES = 1500
 """Corners detected in each picture."""
-DISTINCT = 0.8
-"""A corner's best match must be nearer than this share of its second best (Lowe 2004)."""
 ENOUGH = 20
 """Least number of matched corners for a decision."""
 ONE_SCENE = 60
@@ -29,19 +27,12 @@ SAME_ROW = 0.05
 FEW = 0.3
 """Share of the corners below which the flipped picture is tried (a mirrored pair matches 22 % at most, as symmetric objects
 do)."""
-TURNED = 20.0
-"""Degrees; pictures that are turned by less still match by rows, and are not rectified."""
 SAME_PLACE = 0.5, 0.9
 """Px within which, and share of, the corners of one and the same picture lie."""
 ROW_OFFSET_PX = (0.8, 1.5)
 """Median and upper quartile of vertical offsets above which rows do not match; of rectified pairs they are 0 and 0.4 at most."""
 SHARED, SWAPPED = 0.5, 0.4
 """Shares of matched corners: fewer within SAME_ROW are chance, more with negative disparity are a swapped pair."""
-COLORED, EXCHANGED = 4.0, -0.7
-"""Least standard deviation of red minus blue, levels, and its correlation in pairs with exchanged channels (they have -0.9 or
-less, others 0.9 or more)."""
-AGREEING = 0.1
-"""Share of pixels with a disparity below which matching has failed."""
 MANY_UNMATCHED = 0.35
 """Share of the left picture, but for plain sky, without a match that is warned of: 3 to 20 % of usable pairs."""
 
@@ -102,10 +93,11 @@ def describe_corners(finder: cv2.ORB, picture: UInt8Array) -> Described:
 
 
 def match_described(here: Described, there: Described) -> list[tuple[cv2.KeyPoint, cv2.KeyPoint]]:
-    """Corners of two pictures that are distinct and each other's best match."""
+    """Corners of two pictures that are distinct (the best match is clearly nearer than the second, Lowe 2004) and each other's
+    best match."""
     both = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(here[1], there[1], k=2)
     back = {(one.trainIdx, one.queryIdx) for one in cv2.BFMatcher(cv2.NORM_HAMMING).match(there[1], here[1])}
-    kept = [two[0] for two in both if len(two) == 2 and two[0].distance < DISTINCT * two[1].distance]
+    kept = [two[0] for two in both if len(two) == 2 and two[0].distance < 0.8 * two[1].distance]
     return [(here[0][one.queryIdx], there[0][one.trainIdx]) for one in kept if (one.queryIdx, one.trainIdx) in back]
 
 
@@ -124,7 +116,7 @@ def find_pair_fault(left: UInt8Array, right: UInt8Array, left_disparity: Float32
     if doubt is not None:
         return doubt[1]
     known = float((left_disparity != 0).mean())
-    if known < AGREEING:
+    if known < 0.1:
         return f"only {known:.0%} of the left picture was found in the right one, so most depth is a guess"
     return None
 
@@ -188,8 +180,9 @@ def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple
 
 
 def has_exchanged_channels(warmth: Float64Array) -> bool:
-    """Whether what is red in one picture is blue in the other one; warmth: as in `Corners`."""
-    return bool((warmth.std(0) > COLORED).all() and np.asarray(np.corrcoef(warmth.T))[0, 1] < EXCHANGED)
+    """Whether what is red in one picture is blue in the other one; warmth: as in `Corners`. In such pairs it is correlated by
+    -0.9 or less, in others by 0.9 or more, where there are colours at all."""
+    return bool((warmth.std(0) > 4).all() and np.asarray(np.corrcoef(warmth.T))[0, 1] < -0.7)
 
 
 def diagnose_orientation(corners: Corners) -> tuple[str, str] | None:
@@ -202,7 +195,7 @@ def diagnose_orientation(corners: Corners) -> tuple[str, str] | None:
         )
     mean = np.exp(1j * np.radians(corners.turns)).mean() if count >= ONE_SCENE else 1.0
     turn = float(np.degrees(np.angle(mean)))
-    if abs(mean) < SHARED or abs(turn) < TURNED:
+    if abs(mean) < SHARED or abs(turn) < 20:  # turned by less they still match by rows, and are not rectified
         return None
     return "turned", f"the right picture is turned by {abs(turn):.0f} degrees against the left one"
 

@@ -14,8 +14,8 @@ from functools import partial
 import cv2
 import numpy as np
 
-from dlama.arguments import check_number, format_value, is_finite
-from dlama.errors import InputError, ShapeError, check_same_size
+from dlama.arguments import format_value, is_finite
+from dlama.errors import InputError
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -25,8 +25,6 @@ Matcher = Callable[[UInt8Array, UInt8Array], tuple[Float32Array, Float32Array]]
 """Left and right picture (H x W x 3, RGB) in; the disparity of each (H x W px, 0 = unknown) out."""
 TOLERANCE_PX = 1.0
 """Left and right disparity of one surface point may differ by this much; so may two searches for it."""
-PROBE_WIDTH_PX = 320
-"""Width at which the disparity range is searched."""
 LARGEST_STEP = 2000
 """Largest disparity in px of OpenCV's matcher (16 bits, steps of 1/16), less margins."""
 MARGIN_PX = 2
@@ -67,7 +65,7 @@ less of the disparities (Motorcycle 91 % to 20 %, Cone 89 % to 20 %), all of the
 def disparity_pair(
     left: UInt8Array, right: UInt8Array, *, max_disparity: float | None = None, min_disparity: float = 0
 ) -> tuple[Float32Array, Float32Array]:
-    """Disparity of the left and of the right view of a rectified pair (uint8 H x W x 3, RGB): float32 H x W, px.
+    """Disparity of the left and of the right view of a rectified pair (uint8 H x W x 3, RGB, of one size): float32 H x W, px.
 
     A right picture that is darker or brighter as a whole is first made as bright as the left one.
     Two semi-global searches: along eight paths at the pictures' width, and along three at twice the width for what lies below a
@@ -76,11 +74,8 @@ def disparity_pair(
     then refined below a pixel (`refine_disparity`). Everything else is 0 = unknown: above all what only one of the two cameras
     sees. A match at exactly 0 px (infinity) is written as 1e-6. `max_disparity` None searches the range first, in a small
     copy of the pair; negative disparities need a negative `min_disparity`.
-    Raises ShapeError when the pictures are no such pair, InputError when the range is empty, or wider than the picture.
+    Raises InputError when the range is empty, or wider than the picture.
     """
-    check_pictures(left, right)
-    for name, value in (("min_disparity", min_disparity), ("max_disparity", max_disparity)):
-        check_number(value, name, "a number of pixels")
     right = equalise_exposure(right, left)
     if max_disparity is None:
         max_disparity = _estimate_maximum(left, right, min_disparity)
@@ -149,17 +144,9 @@ def _join(whole: Float32Array, fine: Float32Array, other: Float32Array, sign: in
     return np.where(np.isnan(whole) & inside & ~hidden, fine, agreed)
 
 
-def check_pictures(left: UInt8Array, right: UInt8Array) -> None:
-    """Raise ShapeError unless both pictures are uint8 H x W x 3 of one size."""
-    for name, picture in (("left", left), ("right", right)):
-        if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
-            raise ShapeError(f"{name} picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 is expected")
-    check_same_size("left picture", left.shape, "the right", right.shape)
-
-
 def _estimate_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -> float:
-    """The largest disparity that a small copy of the pair shows (up to half the width), with a margin; full pixels."""
-    scale = min(1.0, PROBE_WIDTH_PX / left.shape[1])
+    """The largest disparity that a copy of the pair 320 px wide shows (up to half the width), with a margin; full pixels."""
+    scale = min(1.0, 320 / left.shape[1])
     small_left, small_right = _resize(left, scale, scale), _resize(right, scale, scale)
     lowest = min_disparity * scale
     found, _ = _match_both_ways(small_left, small_right, lowest, lowest + small_left.shape[1] / 2, TOLERANCE_PX, FINE)

@@ -15,9 +15,10 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.models.cache import user_path
 from dlama.models.contracts import CONTRACT_KEY, ColorContract
-from dlama.models.network_file import NetworkFile
-from dlama.perception.stereo.matching import check_pictures, keep_consistent, zero_where_unknown
+from dlama.models.network_file import NetworkFile, open_kept
+from dlama.perception.stereo.matching import keep_consistent, zero_where_unknown
 
 
 @dataclass(frozen=True)
@@ -76,13 +77,12 @@ class NetworkMatcher:
     @classmethod
     def open(cls, path: str | Path) -> NetworkMatcher:
         """The matcher of a network file. FileError: no such file, no contract, or one that cannot be read."""
-        file = NetworkFile(Path(path))
+        file = open_kept(NetworkFile, user_path(path))
         return cls(file, read_file_contract(file))
 
     def __call__(self, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
         """The disparity of each picture (H x W px, 0 = unknown), matched both ways and checked for consistency. FileError where
         the file does not keep its contract."""
-        check_pictures(left, right)
         at_left = self.match(left, right)
         # mirrored left and right, the right view is a left one
         at_right = np.ascontiguousarray(self.match(right[:, ::-1], left[:, ::-1])[:, ::-1])

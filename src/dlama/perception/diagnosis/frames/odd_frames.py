@@ -31,16 +31,6 @@ from dlama.perception.diagnosis.frames.poses import check_poses
 
 NEIGHBOURS = 4
 """Frames that each one is compared with; most of them must agree."""
-SHOWN = 3
-"""Frames of another size that are named."""
-FACTORS = 1.05 ** np.arange(-10, 11)
-"""Tried factors of the focal length, 0.61 to 1.63."""
-LEAST_CHANGE = 1.1
-"""Least factor that is reported."""
-AGREED = 0.8
-"""Least share of points on common surfaces of frames that agree: recorded ones have 0.9 and more, of a wrong scale 0.63."""
-LEAST_CURVE = 1.4
-"""Least ratio of contrasts (in logarithms) that is reported as a gamma; without one at most 1.23 in the same frames."""
 
 
 def compare_frames(frames: Mapping[str, SmallFrame], row: Sequence[str], scene: str) -> list[Finding]:
@@ -62,7 +52,7 @@ def check_sizes(sizes: Mapping[str, tuple[int, int]], scene: str) -> list[Findin
         return []
     usual, count = counts[0]
     others = [f"{name} ({format_size(hw)})" for name, hw in sizes.items() if hw != usual]
-    named = ", ".join(others[:SHOWN]) + (", ..." if len(others) > SHOWN else "")
+    named = ", ".join(others[:3]) + (", ..." if len(others) > 3 else "")
     what = f"{scene}: {count} of {len(sizes)} frames are {format_size(usual)}, not {named}; `dlama sequence` takes one size"
     mend = "bring picture, depth and camera of all to one size, or leave the others out"
     return [Finding("frame-sizes", "fault", 1.0, what, mend)]
@@ -96,11 +86,12 @@ def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> F
     as_read = fits(frame, others)
     if lower_median(1 / np.maximum(as_read, 0.01)) < LEAST_LEAD:  # no fit is above 1, so that no factor could lead
         return check_place(frame, others, name) or check_tone_curve(frame, others, name)
-    tried = [("depth", depth_factor(frame, others)), *(("focal", factor) for factor in map(float, FACTORS))]
+    tried = [("depth", depth_factor(frame, others))]
+    tried += [("focal", float(factor)) for factor in 1.05 ** np.arange(-10, 11)]
     found = [fits(rescale_frame(frame, **{what: factor}), others) for what, factor in tried]
     (what, factor), best = max(zip(tried, found), key=lambda pair: lower_median(pair[1]))
     fit, lead = lower_median(best), lower_median(best / np.maximum(as_read, 0.01))
-    if max(factor, 1 / factor) < LEAST_CHANGE or fit < LEAST_FIT or lead < LEAST_LEAD:
+    if max(factor, 1 / factor) < 1.1 or fit < LEAST_FIT or lead < LEAST_LEAD:
         return check_place(frame, others, name) or check_tone_curve(frame, others, name)
     check, which, low, high, multiplied = {
         "depth": ("depth-scale", "depth", "small", "large", "depth"),
@@ -116,7 +107,8 @@ def check_place(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> F
     """Reports a frame that contradicts most of its neighbours, which agree with each other."""
     shares = sorted(share for share in (share_on_surfaces(frame, other) for other in others) if share is not None)
     among = [share for pair in combinations(others, 2) if (share := share_on_surfaces(*pair)) is not None]
-    if len(shares) < 2 or shares[len(shares) // 2] >= OUTLIER or not among or np.median(among) < AGREED:
+    # of frames that agree .8 and more: recorded ones have .9, of a wrong scale .63
+    if len(shares) < 2 or shares[len(shares) // 2] >= OUTLIER or not among or np.median(among) < 0.8:
         return None
     what = f"{shares[len(shares) // 2]:.0%} of what it and its neighbours can both see lies on common surfaces"
     what = f"{name}: {what}, of the neighbours' {np.median(among):.0%}: its pose, or its depth, is wrong"
@@ -139,7 +131,7 @@ def check_tone_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str)
     if len(landed) < 2:
         return None
     curves = np.log([contrast(each) for each in landed])
-    curve, least = float(np.median(curves)), np.log(LEAST_CURVE)
+    curve, least = float(np.median(curves)), np.log(1.4)  # without a gamma at most 1.23
     # all must agree: two kinds of camera in one scene may differ by as much
     if abs(curve) < least or (curves * np.sign(curve)).min() < least / 2:
         return None

@@ -23,8 +23,6 @@ LEFT_HANDED = np.diag([1.0, -1.0, 1.0, 1.0])
 """Axes with y up and z forward."""
 BODY = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 """x forward, y left, z up (ROS) to OpenCV's axes."""
-UNEVEN = 1.25
-"""Least ratio of brightness, of points that two frames show, that is reported."""
 Undo = Callable[[Float64Array], Float64Array]
 Pair = tuple[SmallFrame, SmallFrame]
 """A frame, and the next in a row."""
@@ -114,7 +112,7 @@ def is_chance(pairs: Sequence[Pair], fit: float) -> bool:
 def check_exposure(landed: Sequence[Landed], name: str) -> list[Finding]:
     """Reports frames in a row, called `name`, that are not equally bright where they show the same points."""
     most = max((max(each.gain, 1 / each.gain) for each in landed), default=1.0)
-    if most <= UNEVEN:
+    if most <= 1.25:
         return []
     what = f"{name}: exposure changes from frame to frame, up to {most:.2f} times as bright"
     return [Finding("exposure", "note", 0.85, what, "undo the gain before colours of frames are compared or mixed")]
