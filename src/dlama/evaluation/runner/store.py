@@ -19,7 +19,7 @@ from dlama.evaluation.runner.cache_key import short_hash
 from dlama.writing.atomic_write import new_file, write_file
 
 LONGEST_NAME = 180
-"""Characters of a file's stem; file systems take 255 bytes with suffix and a draft's extra."""
+"""Bytes of a file's stem; file systems take 255 bytes with suffix and a draft's extra."""
 
 
 class Row(NamedTuple):
@@ -60,10 +60,11 @@ class Stored:
 
 
 def stem(case: Case, method: Method) -> str:
-    """The name, without suffix, of the files of a case and a method; safe on every file system."""
+    """The name, without suffix, of the files of a case and a method; safe on every file system, and of no two cases the same."""
     extra = f"-{short_hash(sorted(method.changes.items()))[:8]}" if method.changes else ""
-    name = re.sub(r"[^\w.+,=@-]", "_", f"{case.key}__{method.recipe}-{method.filler}{extra}")
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 9]}-{short_hash(name)[:8]}"
+    full = f"{case.key}__{method.recipe}-{method.filler}{extra}"
+    name = re.sub(r"[^\w.+,=@-]", "_", full, flags=re.ASCII)
+    return name if name == full and len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 9]}-{short_hash(full)[:8]}"
 
 
 def write_stored(path: Path, stored: Stored) -> None:
