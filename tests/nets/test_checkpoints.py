@@ -144,6 +144,11 @@ def test_half_precision_is_converted_and_said(tmp_path, random_state):
             r"model\.4\.bn_g\.bias holds I32, expected floating point",
         ),
         (lambda s: s.pop("model.4.bn_g.bias"), r"1 missing: model\.4\.bn_g\.bias"),
+        (
+            lambda s: s.update({"model.4.bn_g.bias": np.zeros(47, np.float32)}),
+            r"model\.4\.bn_g\.bias is 47, expected 48",
+        ),
+        (lambda s: s.update({"model.17.weight": np.zeros(3, np.float32)}), "shape 3, expected 4 dimensions"),
         (lambda s: s.update({"extra": np.zeros(1, np.float32)}), "1 not part of it: extra"),
         (
             lambda s: s.pop("model.1.ffc.convl2l.weight"),

@@ -69,18 +69,6 @@ def test_every_parameter_learns():
         assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
 
 
-def test_fourier_unit_sees_the_whole_picture():
-    """Oracle: law; one changed pixel moves every output pixel, which no convolution of that depth can do."""
-    torch.manual_seed(0)
-    unit = FourierUnit(2).eval()
-    picture = torch.rand(1, 2, 24, 20)
-    changed = picture.clone()
-    changed[0, 0, 3, 4] += 1
-    with torch.inference_mode():
-        moved = (unit(changed) - unit(picture)).abs().amax(dim=1)
-    assert (moved > 1e-6).float().mean() > 0.9
-
-
 @pytest.mark.slow
 def test_fourier_unit_stays_exact_under_autocast():
     """Oracle: itself without autocast; half-precision FFTs do not exist on 24 x 20."""

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.errors import ShapeError
-from dlama.nets.architecture import GeneratorSettings, settings_from_state
-from dlama.nets.surgery import widen
+torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
+
+from dlama.errors import ShapeError  # noqa: E402
+from dlama.nets.architecture import GeneratorSettings, settings_from_state  # noqa: E402
+from dlama.nets.generator import generator_from_state  # noqa: E402
+from dlama.nets.surgery import widen  # noqa: E402
 
 SMALL = GeneratorSettings(width=8, blocks=1)
 
@@ -15,9 +18,6 @@ SMALL = GeneratorSettings(width=8, blocks=1)
 @pytest.mark.parametrize(("planes_in", "planes_out"), [(5, 4), (7, 6), (5, 3)])
 def test_colour_is_the_same_at_step_0(random_state, planes_in, planes_out):
     """Oracle: the network before surgery."""
-    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
-    from dlama.nets.generator import generator_from_state
-
     state = random_state(SMALL)
     picture = torch.rand(2, 4, 32, 48)
     new = torch.rand(2, planes_in - 4, 32, 48)
@@ -33,9 +33,6 @@ def test_colour_is_the_same_at_step_0(random_state, planes_in, planes_out):
 
 def test_new_planes_learn_from_the_first_step(random_state):
     """Oracle: law; zero weights, but no zero gradient."""
-    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
-    from dlama.nets.generator import generator_from_state
-
     net = generator_from_state(widen(random_state(SMALL), 5, 4))
     net(torch.rand(1, 5, 32, 32)).square().mean().backward()
     assert net.model[1].ffc.convl2l.weight.grad[:, 3].abs().sum() > 0

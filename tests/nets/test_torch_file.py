@@ -90,23 +90,12 @@ def test_the_interpreter_is_left_alone(tmp_path):
     assert "DLAMA_PWNED" not in os.environ
 
 
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (b"PK\x03\x04 but no archive at all", "not a torch archive"),
-        (None, "a ZIP, but no torch archive: 0 entries"),
-    ],
-)
-def test_a_zip_that_is_no_archive(tmp_path, data, message):
+def test_a_zip_that_is_no_archive(tmp_path):
     """Oracle: the file itself."""
-    path = tmp_path / "pictures.zip"
-    if data is None:
-        with zipfile.ZipFile(path, "w") as archive:
-            archive.writestr("photo.png", b"...")
-    else:
-        path.write_bytes(data)
-    with pytest.raises(FileError, match=message):
-        TorchFile(path)
+    with zipfile.ZipFile(tmp_path / "pictures.zip", "w") as archive:
+        archive.writestr("photo.png", b"...")
+    with pytest.raises(FileError, match="a ZIP, but no torch archive: 0 entries"):
+        TorchFile(tmp_path / "pictures.zip")
 
 
 def _tensor_pickle(numel: int, offset: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> bytes:

@@ -116,9 +116,10 @@ def test_budgets_of_the_presets():
     assert 4.5e6 < small.parameters < 5.5e6
     assert all(PRESETS[name].settings.network.parameters < 1e6 for name in ("tiny", "mini-rgbd", "mini-stereo"))
     assert 50e6 < PRESETS["big-rgbd"].settings.network.parameters < 52e6
-    with torch.device("meta"):
-        net = Generator(small.generator)
-    assert small.parameters == sum(parameter.numel() for parameter in net.parameters())
+    for preset in PRESETS.values():
+        with torch.device("meta"):
+            net = Generator(preset.settings.network.generator)
+        assert preset.settings.network.parameters == sum(parameter.numel() for parameter in net.parameters())
 
 
 def test_resuming_with_other_settings_is_refused():
@@ -129,26 +130,3 @@ def test_resuming_with_other_settings_is_refused():
     refuse_changes(had, replace(had, loop=replace(had.loop, steps=7, log_every=1)))
     with pytest.raises(InputError, match=r"loss.perceptual is 1.0, the run to resume has 30.0"):
         refuse_changes(had, replace(had, loss=LossSettings(perceptual=1.0)))
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_presets_say_their_parameters_and_flop(name):
-    """Oracle: torch's own count, and a pass at a sixteenth of the size; two flop for each weight and pixel of a convolution,
-    transforms left out."""
-    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
-    from dlama.nets.generator import Generator
-
-    counted = [0]
-
-    def count(part, planes, out):
-        pixels = planes[0] if isinstance(part, torch.nn.ConvTranspose2d) else out
-        counted[0] += 2 * part.weight.numel() * pixels.shape[2] * pixels.shape[3]
-
-    network = Generator(PRESETS[name].settings.network.generator)
-    for part in network.modules():
-        if isinstance(part, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
-            part.register_forward_hook(count)
-    with torch.no_grad():
-        network(torch.zeros(1, network.settings.in_channels, 32, 32))
-    assert PRESETS[name].settings.network.parameters == sum(parameter.numel() for parameter in network.parameters())
-    assert PRESETS[name].gflop == pytest.approx(counted[0] * 256 / 1e9, rel=0.07)

@@ -38,6 +38,12 @@ def toy(planes: str = "rgbd", size: int = 32, **loop: object) -> TrainSettings:
     )
 
 
+def samples_of(planes: str, size: int = 64, cases: float = 0.5, **mixture: float) -> TrainSettings:
+    """Settings with these shares of samples by kind."""
+    data = DataSettings(size=size, mixture=mixture, cases=cases)
+    return TrainSettings("t", network=NetworkSettings(planes), data=data)
+
+
 def kind_for(network: NetworkSettings) -> str:
     """Samples of worlds with an object removed, for such a network."""
     return "stereo" if network.kind.views == 2 else "removal"
@@ -45,8 +51,7 @@ def kind_for(network: NetworkSettings) -> str:
 
 def world_source(network: NetworkSettings, size: int, split: Literal["train", "held_out"] = "train") -> SampleSource:
     """The samples of a run on worlds alone."""
-    data = DataSettings(size=size, mixture={kind_for(network): 1.0})
-    return source_for(TrainSettings("toy", network=network, data=data), [], split)
+    return source_for(samples_of(network.planes, size, **{kind_for(network): 1.0}), [], split)
 
 
 def keep_worlds() -> None:

@@ -48,24 +48,25 @@ def test_distance_and_map_agree_with_the_twin(name: str, weights_dir: Path) -> N
     assert got.mean() == pytest.approx(wanted_map.mean(), abs=1e-3)
 
 
-def test_a_region_is_the_mean_of_the_map_with_the_truth_pasted_outside(weights_dir: Path) -> None:
-    """The twin on pictures pasted by hand."""
-    pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
+def noise_in_a_box() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What a method made, the truth, a region, and the truth with the former pasted into it."""
     truth, mine = gradient(90, 110), noise((90, 110, 3), 7)
     region = np.zeros((90, 110), np.bool_)
     region[20:60, 30:70] = True
-    pasted = truth.copy()
-    pasted[20:60, 30:70] = mine[20:60, 30:70]
-    wanted = lpips_twin.lpips(weights_of(weights_dir), pasted, truth)[1][20:60, 30:70].mean()
+    return mine, truth, region, np.where(region[..., None], mine, truth)
+
+
+def test_a_region_is_the_mean_of_the_map_with_the_truth_pasted_outside(weights_dir: Path) -> None:
+    """The twin on pictures pasted by hand."""
+    pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
+    mine, truth, region, pasted = noise_in_a_box()
+    wanted = lpips_twin.lpips(weights_of(weights_dir), pasted, truth)[1][region].mean()
     assert lpips(mine, truth, region) == pytest.approx(wanted, abs=1e-3)
 
 
 def test_what_lies_outside_a_region_has_no_say() -> None:
     """Law: outside stands the truth, whatever a method made of it; and a region that is right counts 0."""
-    truth, mine = gradient(90, 110), noise((90, 110, 3), 7)
-    region = np.zeros((90, 110), np.bool_)
-    region[20:60, 30:70] = True
-    pasted = np.where(region[..., None], mine, truth)
+    mine, truth, region, pasted = noise_in_a_box()
     assert lpips(mine, truth, region) == lpips(pasted, truth, region) > 0
     assert lpips(np.where(region[..., None], truth, mine), truth, region) == 0
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
 
 import numpy as np
 import pytest
 
-from dlama.errors import MissingExtraError, ShapeError
+from dlama.errors import ShapeError
 from dlama.evaluation.metrics.clouds import cloud_scores, nearest_distances
 from reference.metrics_twin import nearest
 
@@ -65,10 +64,3 @@ def test_bad_clouds_are_refused() -> None:
         cloud_scores(np.zeros((4, 2)), NONE)
     with pytest.raises(ShapeError, match="finite"):
         cloud_scores(NONE, np.full((1, 3), np.nan))
-
-
-def test_a_missing_scipy_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The pip line is in the message."""
-    monkeypatch.setitem(sys.modules, "scipy.spatial", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'dlama\[evaluate\]'"):
-        cloud_scores(np.zeros((1, 3)), np.zeros((1, 3)))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
 
 import numpy as np
 import pytest
 
-from dlama.errors import MissingExtraError, ShapeError
+from dlama.errors import ShapeError
 from dlama.evaluation.metrics.pictures import (
     channel_gain,
     depth_8bit,
@@ -18,7 +17,6 @@ from dlama.evaluation.metrics.pictures import (
     ssim_map,
 )
 from dlama.evaluation.protocols.scores import region_ssim
-from dlama.geometry.rgbd import brighten
 
 RNG = np.random.default_rng(3)
 TRUTH = RNG.integers(0, 256, (20, 31, 3), np.uint8)
@@ -94,22 +92,9 @@ def test_gain_of_equal_pictures_is_one_and_so_is_that_of_too_few_pixels() -> Non
     assert channel_gain(white, TRUTH, everywhere) == (1.0, 1.0, 1.0)
 
 
-def test_brighten_by_hand() -> None:
-    """Rounded, and cut at white."""
-    picture = np.array([[[10, 100, 200]]], np.uint8)
-    np.testing.assert_array_equal(brighten(picture, (1.26, 0.5, 2.0)), [[[13, 50, 255]]])
-
-
 def test_wrong_shapes_are_refused() -> None:
     """What came and what was wanted."""
     with pytest.raises(ShapeError, match=r"truth is \(20, 31, 3\) and mine \(20, 30, 3\)"):
         mse_map(TRUTH, MINE[:, :30])
     with pytest.raises(ShapeError, match="31x6; SSIM needs 7 pixels or more"):
         ssim_map(TRUTH[:6], MINE[:6])
-
-
-def test_a_missing_scikit_image_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The pip line is in the message."""
-    monkeypatch.setitem(sys.modules, "skimage.metrics", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'dlama\[evaluate\]'"):
-        ssim_map(TRUTH, MINE)

@@ -34,15 +34,6 @@ def test_what_is_right_as_often_as_it_says_is_calibrated() -> None:
     assert calibration(half, rng.random(len(half)) < 0.4).error == pytest.approx(0.4, abs=0.01)
 
 
-def test_a_perfect_order_has_no_area_and_the_worst_has_most() -> None:
-    """Closed form: sure in the order of errors 0; of equal errors any order 0; the other way round the largest of all orders."""
-    error = np.random.default_rng(1).exponential(1, 500)
-    assert sparsification_area(-error, error) == 0
-    assert sparsification_area(np.arange(500.0), np.ones(500)) == 0
-    worst, random = sparsification_area(error, error), sparsification_area(np.random.default_rng(2).random(500), error)
-    assert worst > random > 0.3
-
-
 def test_the_area_is_that_of_a_literal_loop() -> None:
     """Slow twin: take away shares one by one and average what is left."""
     rng = np.random.default_rng(3)

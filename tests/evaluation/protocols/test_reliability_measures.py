@@ -53,17 +53,6 @@ def test_right_said_and_errors_by_hand(scored: tuple[MethodRun, ViewTruth, dict[
     assert found["expected_color"] == pytest.approx(view.color_error[hole & (truth.target.depth > 0)].mean(), rel=1e-4)
 
 
-def test_bins_add_up_to_the_calibration_error(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
-    """Closed form: shares add to 1, sums to what is predicted and right, differences to the ECE."""
-    found = scored[2]
-    share, predicted, right = (
-        [found[f"bin_{k}_{name}"] for k in range(BINS)] for name in ("share", "predicted", "right")
-    )
-    assert sum(share) == pytest.approx(1) and sum(predicted) == pytest.approx(found["predicted"], abs=1e-5)
-    assert sum(right) == pytest.approx(found["right"])
-    assert sum(abs(a - b) for a, b in zip(predicted, right)) == pytest.approx(found["ece"])
-
-
 def test_confidence_orders_better_than_chance(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
     """Truth: of a world that was not trained on."""
     found = scored[2]
@@ -116,9 +105,3 @@ def test_the_report_pools_all_frames(scored: tuple[MethodRun, ViewTruth, dict[st
     assert table.rows[0][3].text == f"{values['ece']:.3f}"
     (line,) = reliability_lines(summary)
     assert line.startswith("confidence of dlama/telea, vpi on made: right") and f"ECE {values['ece']:.3f}" in line
-
-
-def test_a_summary_without_confidence_has_no_section() -> None:
-    summary = summarise([Row("vpi", "made", "a", "a", 20.0, "dlama", "telea", "whole", "rgb", "ssim", 0.5)])
-    assert reliability_tables(Place(summary, "vpi", "made"), ["dlama/telea"]) == ()
-    assert reliability_lines(summary) == []

@@ -7,7 +7,6 @@ import dataclasses
 import json
 import re
 import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from shutil import which
@@ -18,7 +17,6 @@ import pytest
 from made_up import METHODS, made_up_dataset
 
 from dlama.datasets.frames import Dataset
-from dlama.errors import MissingExtraError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.protocols.strips import CELL, GAP, color_error, depth_error, heat_map
 from dlama.evaluation.report import panels
@@ -135,13 +133,6 @@ def test_names_are_escaped() -> None:
     assert "<b onclick" not in text and text.count("&lt;b onclick=") > 20
 
 
-def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The pip line, instead of an ImportError."""
-    monkeypatch.setitem(sys.modules, "jinja2", None)
-    with pytest.raises(MissingExtraError, match="jinja2"):
-        render("a", Summary({}, ()), [], [])
-
-
 def test_narrow_tables_carry_their_headings(report: Path) -> None:
     """Law: every number of every table names its column, for screens on which the head is not shown."""
     text = (report / "report.html").read_text("utf-8")
@@ -234,7 +225,7 @@ def test_best_median_and_worst_by_hand(tmp_path: Path) -> None:
 
 
 def test_panels_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the files' own bytes; and the length of all URLs against a small budget. Damaged panels are left out."""
+    """Oracle: the files' own bytes; and the length of all URLs against a small budget. Missing panels are left out."""
     done = evaluated(tmp_path, made_up_dataset(3, (10.0, 20.0)), METHODS[:2])
     chosen = choose(done.stored)
     free = as_data_urls(tmp_path / "panels", chosen)
@@ -244,11 +235,9 @@ def test_panels_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(panels, "BUDGET", sum(len(url) for _, url in free) // 2)
     assert 0 < len(as_data_urls(tmp_path / "panels", chosen)) < len(free)
     monkeypatch.undo()
-    emptied, missing = list(dict.fromkeys(one.file for one in chosen))[:2]
-    (tmp_path / "panels" / emptied).write_bytes(b"")
-    (tmp_path / "panels" / missing).unlink()
+    (tmp_path / "panels" / chosen[0].file).unlink()
     shown = as_data_urls(tmp_path / "panels", chosen)
-    assert [one for one, _ in shown] == [one for one in chosen if one.file not in (emptied, missing)]
+    assert [one for one, _ in shown] == [one for one in chosen if one.file != chosen[0].file]
 
 
 def test_errors_in_panels_by_hand() -> None:

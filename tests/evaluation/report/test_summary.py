@@ -27,13 +27,11 @@ from dlama.evaluation.report.headlines import headlines
 from dlama.evaluation.report.paired_comparison import paired_comparison
 from dlama.evaluation.report.sections import Section, sections
 from dlama.evaluation.report.summary import (
-    RESAMPLES,
     Key,
     Mean,
     Place,
     Summary,
     draws,
-    interval,
     summarise,
     write_summary,
     yaw_order,
@@ -83,12 +81,6 @@ def test_pairs_are_binned_by_their_angle() -> None:
     assert mean(found, "≈10").value == 2
 
 
-def test_rows_without_yaw_have_one_mean() -> None:
-    """Removal and stereo."""
-    found = summarise([row("a", None, 1), row("b", None, 2)])
-    assert [key.yaw for key in found.means] == ["all"]
-
-
 def test_one_scene_has_no_interval_and_equal_scenes_a_point() -> None:
     """Closed form: nothing to resample; all resamples alike."""
     assert mean(summarise([row("a", 10, 1), row("a", -10, 3)]), "all")[:3] == (2, None, None)
@@ -109,16 +101,6 @@ def test_interval_of_many_scenes_is_the_normal_one() -> None:
     half = 1.96 * values.std() / 20
     assert found.low is not None and found.high is not None
     assert (found.value - found.low, found.high - found.value) == pytest.approx((half, half), rel=0.12)
-
-
-def test_draws_are_draws_with_replacement() -> None:
-    """Oracles: every resample has n scenes; the mean count is 1; one seed gives one table."""
-    times = draws(7, 3)
-    assert times.shape == (RESAMPLES, 7) and (times.sum(axis=1) == 7).all()
-    assert times.mean(axis=0) == pytest.approx(np.ones(7), abs=0.15)
-    assert (draws(7, 3) == times).all() and (draws(7, 4) != times).any()
-    ends = interval(np.array([2.0, 6.0]), np.array([2.0, 2.0]), np.array([[2.0, 0.0], [0.0, 2.0]]))
-    assert ends == pytest.approx((1.05, 2.95))
 
 
 def test_infinite_values_have_no_interval() -> None:

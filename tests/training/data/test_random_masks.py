@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.training.data import masks
-from dlama.training.data.masks import MARGIN, boxes, random_mask, strokes
+from dlama.training.data.masks import MARGIN, boxes, random_mask
 
 DOCUMENTED = (0.29, 0.16)
 
@@ -26,19 +26,6 @@ def test_same_numbers_same_mask() -> None:
     """A mask is a function of the generator's state; another state gives another."""
     one, same, other = (random_mask(np.random.default_rng(seed), (48, 80)) for seed in (5, 5, 6))
     assert np.array_equal(one, same) and one.shape == (48, 80) and not np.array_equal(one, other)
-
-
-def test_strokes_are_as_wide_as_they_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half the width of what is drawn, by distance to the border of the mask (oracle: the limits of width)."""
-    import cv2
-
-    rng = np.random.default_rng(1)
-    monkeypatch.setattr(masks, "CHAINS", (1, 1))
-    monkeypatch.setattr(masks, "SEGMENTS", (1, 1))
-    for _ in range(30):
-        mask = strokes(rng, (256, 256))
-        inside = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5).max()
-        assert inside <= 0.5 * masks.WIDTH[1] * 256 + 2
 
 
 def test_boxes_keep_off_the_border(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,20 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from toy_runs import samples_of
 
 from dlama.datasets.frames import Case, ViewTruth
 from dlama.errors import InputError
 from dlama.training.data.batches import check_sample
 from dlama.training.data.cases import frames_of, split_cases
-from dlama.training.data.crops import resize_frame
 from dlama.training.data.sources import Mixture, source_for
-from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
+from dlama.training.settings import NetworkSettings
 from posed_folders import LENS, text_K, truth, write_numbered
-
-
-def settings(planes: str, size: int = 64, **mixture: float) -> TrainSettings:
-    """With shares by kind."""
-    return TrainSettings("t", network=NetworkSettings(planes), data=DataSettings(size=size, mixture=mixture))
 
 
 def two_views(first: int, second: int) -> ViewTruth:
@@ -53,19 +48,9 @@ def posed(tmp_path: Path) -> Path:
 
 def test_frames_of_a_pair(posed: Path) -> None:
     """check_sample agrees for every pair; the input's known pixels are those of the rendered view."""
-    source = source_for(settings("rgbd", frame=1), [posed], "train")
+    source = source_for(samples_of("rgbd", frame=1), [posed], "train")
     for index in range(len(source)):
         check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings("rgbd"), 64)
-
-
-def test_scaling_keeps_points_in_place() -> None:
-    """A point in the world falls on the same share of the picture before and after (oracle: the camera model)."""
-    rgbd = truth()[1]
-    small = resize_frame(rgbd, 0.5)
-    assert small.camera.hw == (36, 48) and small.depth.shape == (36, 48)
-    before = rgbd.camera.K @ (0.3, -0.2, 2.0)
-    after = small.camera.K @ (0.3, -0.2, 2.0)
-    assert np.allclose(before[:2] / before[2] / 2, after[:2] / after[2])
 
 
 def test_pairs_are_split_by_scene_or_by_frame() -> None:
@@ -107,12 +92,12 @@ def test_what_source_for_refuses(photos: Path, posed: Path, tmp_path: Path) -> N
     """Kinds without their files, files without a kind, folders with nothing in them: each says what is expected."""
     (tmp_path / "empty").mkdir()
     for chosen, data, words in (
-        (settings("rgbd", frame=1), [photos], "needs a posed data set"),
-        (settings("rgbd", world=1), [posed], "no use for .*posed.*; a mixture with frame is expected"),
-        (settings("rgbd", world=1), [photos, posed], "no use for .*posed"),  # what is named is used, each folder
-        (settings("rgbd", frame=1), [posed, photos], "no use for .*photos.*world or removal or stereo is expected"),
-        (settings("rgbd", world=1), [tmp_path / "empty"], "holds no picture"),
-        (settings("rgbd", world=1), [tmp_path / "gone"], "no such folder"),
+        (samples_of("rgbd", frame=1), [photos], "needs a posed data set"),
+        (samples_of("rgbd", world=1), [posed], "no use for .*posed.*; a mixture with frame is expected"),
+        (samples_of("rgbd", world=1), [photos, posed], "no use for .*posed"),  # what is named is used, each folder
+        (samples_of("rgbd", frame=1), [posed, photos], "no use for .*photos.*world or removal or stereo is expected"),
+        (samples_of("rgbd", world=1), [tmp_path / "empty"], "holds no picture"),
+        (samples_of("rgbd", world=1), [tmp_path / "gone"], "no such folder"),
     ):
         with pytest.raises(InputError, match=words):
             source_for(chosen, data, "train")
@@ -120,7 +105,7 @@ def test_what_source_for_refuses(photos: Path, posed: Path, tmp_path: Path) -> N
 
 def test_real_pairs_make_samples(data_dir: Path) -> None:
     """A Kinect's frames: check_sample agrees, and no target depth is a gap."""
-    source = source_for(settings("rgbd", frame=1), [data_dir / "data" / "kitchen_vpi"], "train")
+    source = source_for(samples_of("rgbd", frame=1), [data_dir / "data" / "kitchen_vpi"], "train")
     made = source.sample(0, np.random.default_rng(1))
     check_sample(made, NetworkSettings("rgbd"), 64)
     assert 0 < made["known_depth"].mean() < 1 and made["target"][3].min() > 0.05

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -68,17 +67,6 @@ def test_tiny_leaves_everything_a_user_needs(tiny_run):
     card = (tiny_run.run / "README.md").read_text()
     assert "Perceptual trunk random" in card and "40 steps, 160 samples" in card and "| Telea |" in card
     assert "perceptual trunk random" in (tiny_run.run / "log.txt").read_text()
-
-
-def test_the_card_names_the_scale_of_depth(tiny_run):
-    """Oracle: the view's own planes; the words' numbers, taken from the card, are where those planes have them."""
-    words = re.search(r"inverse depth, 0 = infinity, (\S+) = what (\d+) % of", (tiny_run.run / "README.md").read_text())
-    depth = np.random.default_rng(0).uniform(1, 9, (64, 64)).astype(np.float32)
-    depth[:9] = np.inf
-    view = View.from_rgbd(RGBD(np.zeros((64, 64, 3), np.uint8), depth, Camera.from_fov(64, 64, 60)))
-    plane = DepthPlane.of(view, robust_scale).values
-    assert not plane[:9].any() and plane.max() <= 1
-    assert np.quantile(plane[9:], float(words[2]) / 100) == pytest.approx(float(words[1]), abs=1e-6)
 
 
 def test_tinys_network_fills_a_view_from_the_command_line(tiny_run, tmp_path):

@@ -5,13 +5,8 @@ Begin with `vpi` (another view); `ori` removes an object, `sii` does it in a ste
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from dlama.datasets.frames import Protocol, Truth
+from dlama.datasets.frames import Protocol
 from dlama.evaluation.protocols import ori, sii, vpi
-from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored
-
-Score = Callable[[Truth, Method, ProtocolSettings], list[Scored]]
-"""The first is the plain run and has the panel; the others have a variant. Raises InputError and its kin."""
+from dlama.evaluation.protocols.methods import Score
 
 PROTOCOLS: dict[Protocol, Score] = {"vpi": vpi.score, "ori": ori.score, "sii": sii.score}

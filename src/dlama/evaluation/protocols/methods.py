@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -106,6 +106,11 @@ class Scored:
     """The completion's own meta data."""
     view: View | None = None
     """What is scored, of the run itself; of a pair its left view."""
+
+
+Score = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
+"""A case's truth in; its runs out: the first is the plain one and has the panel, the others have a variant. A module's function,
+so that it travels to another process. Raises InputError and its kin."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,21 +62,16 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
 def run_with(
     mask: BoolArray, truth: RemovalTruth, method: Method, settings: ProtocolSettings
 ) -> tuple[MethodRun, tuple[Measure, ...]]:
-    """One run, with this mask, and its measures."""
-    run = run_method(method, truth.source, truth.source.camera, mask)
-    return run, tuple(removal_measures(run, reference_of(truth, settings), truth))
-
-
-def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) -> list[Measure]:
-    """All numbers of one run."""
+    """One run, with this mask, and all its numbers."""
+    run, reference = run_method(method, truth.source, truth.source.camera, mask), reference_of(truth, settings)
     view, inside = run.view(), reference.within(truth.mask)
-    return [
+    return run, (
         *view_measures(run, reference),
         *change_outside(view, truth.source, reference.regions["outside"]),
         *cloud_measures(run, truth.without, inside),
         *reliability_measures(run, reference),
         *artifact_measures(run, view, reference, "mask", inside, truth.without, truth.source),
-    ]
+    )
 
 
 @lru_cache(maxsize=1)

@@ -3,9 +3,7 @@ below."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -77,17 +75,6 @@ def stack(rows: list[list[UInt8Array]]) -> UInt8Array:
             top, left = down * (height + GAP), across * (width + GAP)
             sheet[top : top + cell.shape[0], left : left + cell.shape[1]] = cell
     return sheet
-
-
-def is_whole_jpeg(path: Path) -> bool:
-    """Whether a file begins and ends as a JPEG does; False for one that a power cut or a full disk emptied or cut short."""
-    try:
-        with path.open("rb") as stream:
-            begins = stream.read(2) == b"\xff\xd8"
-            stream.seek(-2, os.SEEK_END)
-            return begins and stream.read(2) == b"\xff\xd9"
-    except OSError:
-        return False
 
 
 def jpeg(picture: UInt8Array) -> bytes:

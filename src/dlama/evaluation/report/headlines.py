@@ -14,11 +14,9 @@ MAIN = {"rgb": "ssim lpips mse psnr", "depth_m": "mae"}
 def headlines(summary: Summary) -> list[str]:
     """Of each protocol and data set its methods, variants left out: over all yaws in whole pictures, else in what was removed."""
     lines = []
-    for protocol in summary.values("protocol"):
-        for dataset in summary.values("dataset", protocol=protocol):
-            place = Place(summary, protocol, dataset)
-            region = "mask" if place.of(region="mask") else "whole"
-            lines += [_line(place, region, method) for method in place.values("method") if not variant_of(method)[1]]
+    for place in summary.places():
+        region = "mask" if place.of(region="mask") else "whole"
+        lines += [_line(place, region, method) for method in place.values("method") if not variant_of(method)[1]]
     return lines
 
 

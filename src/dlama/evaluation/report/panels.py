@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from dlama.evaluation.protocols.strips import is_whole_jpeg
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.report.summary import ALL, yaw_labels
 from dlama.evaluation.runner.store import Stored
@@ -63,12 +62,12 @@ def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[tuple[Chosen, s
     """Each with its strip as a data: URL, as many as fit BUDGET.
 
     Args:
-        folder: where the panels' files lie; those that are missing or cut short are skipped.
+        folder: where the panels' files lie; those that are missing are skipped.
     """
     found, used = [], 0
     for one in chosen:
         path = folder / one.file
-        if is_whole_jpeg(path):
+        if path.is_file():
             url = f"data:image/jpeg;base64,{base64.b64encode(path.read_bytes()).decode()}"
             used += len(url)
             found += [(one, url)] if used <= BUDGET else []

@@ -72,18 +72,16 @@ def _bin(share: float, right: float) -> Cell:
 def reliability_lines(summary: Summary) -> list[str]:
     """A line a protocol, data set and method: what `dlama evaluate` prints."""
     lines = []
-    for protocol in summary.values("protocol"):
-        for dataset in summary.values("dataset", protocol=protocol):
-            place = Place(summary, protocol, dataset)
-            for method in place.values("method"):
-                measured = values_of(place, method)
-                if measured is None or "+" in method:
-                    continue
-                found = measured[0]
-                parts = [f"right {found['right']:.1%}, predicted {found['predicted']:.1%}, ECE {found['ece']:.3f}"]
-                for name, word in (("depth", "depth"), ("color", "colour")):
-                    if f"ause_{name}" in found:
-                        own, formula, random = (found[f"ause_{name}{end}"] for end in ("", "_distance", "_random"))
-                        parts.append(f"AUSE {word} {own:.2f} (by distance {formula:.2f}, random {random:.2f})")
-                lines.append(f"confidence of {method}, {protocol} on {dataset}: {', '.join(parts)}")
+    for place in summary.places():
+        for method in place.values("method"):
+            measured = values_of(place, method)
+            if measured is None or "+" in method:
+                continue
+            found = measured[0]
+            parts = [f"right {found['right']:.1%}, predicted {found['predicted']:.1%}, ECE {found['ece']:.3f}"]
+            for name, word in (("depth", "depth"), ("color", "colour")):
+                if f"ause_{name}" in found:
+                    own, formula, random = (found[f"ause_{name}{end}"] for end in ("", "_distance", "_random"))
+                    parts.append(f"AUSE {word} {own:.2f} (by distance {formula:.2f}, random {random:.2f})")
+            lines.append(f"confidence of {method}, {place.protocol} on {place.dataset}: {', '.join(parts)}")
     return lines

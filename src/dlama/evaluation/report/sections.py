@@ -61,9 +61,8 @@ def protocols_of(summary: Summary) -> list[str]:
 def sections(summary: Summary, rows: Sequence[Row], timings: Sequence[Row], seed: int = 0) -> list[Section]:
     """Everything the report shows but the panels, in order; paired intervals are drawn with the seed."""
     found: list[Section] = []
-    for protocol in protocols_of(summary):
-        for dataset in summary.values("dataset", protocol=protocol):
-            found += _Part(Place(summary, protocol, dataset), rows, seed).sections()
+    for place in summary.places(protocols_of(summary)):
+        found += _Part(place, rows, seed).sections()
     clock = runtimes(timings, list(dict.fromkeys(row.method for row in timings)))
     if clock:
         text = (

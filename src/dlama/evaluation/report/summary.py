@@ -11,7 +11,7 @@ import json
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -70,6 +70,12 @@ class Summary:
         """The different values of one field among those, in order of appearance; yaws from small to large."""
         found = list(dict.fromkeys(getattr(key, field_name) for key in self.of(**chosen)))
         return sorted(found, key=yaw_order) if field_name == "yaw" else found
+
+    def places(self, protocols: Iterable[str] | None = None) -> Iterator[Place]:
+        """Each data set of each protocol, in order of appearance or in that of `protocols`."""
+        for protocol in self.values("protocol") if protocols is None else protocols:
+            for dataset in self.values("dataset", protocol=protocol):
+                yield Place(self, protocol, dataset)
 
 
 class Place(NamedTuple):

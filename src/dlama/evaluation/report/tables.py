@@ -85,14 +85,14 @@ def variants(place: Place, chosen: Sequence[Which], title: str) -> Table | None:
     if len(named) == len(ran):
         return None
     seen = [which for which in chosen if any(place.mean(ALL, name, which) for name in ran)]
-    rows = [_variant_row(place, name, seen) for base in named for name, (method, _) in ran.items() if method == base]
+    rows = [
+        (Cell(method), Cell(variant or "as named"), *(_cell(place, ALL, name, which) for which in seen))
+        for base in named
+        for name, (method, variant) in ran.items()
+        if method == base
+    ]
     head = ("method", "variant", *(f"{which[0]} {column_title(*which)}" for which in seen))
     return Table(title, head, tuple(rows))
-
-
-def _variant_row(place: Place, name: str, chosen: Sequence[Which]) -> tuple[Cell, ...]:
-    method, variant = variant_of(name)
-    return Cell(method), Cell(variant or "as named"), *(_cell(place, ALL, name, which) for which in chosen)
 
 
 def runtimes(timings: Sequence[Row], methods: Sequence[str]) -> Table | None:

@@ -15,11 +15,10 @@ from pathlib import Path
 
 from dlama.datasets.frames import Case, Protocol
 from dlama.errors import InputError
-from dlama.evaluation.protocols.methods import Method, ProtocolSettings
-from dlama.evaluation.protocols.strips import is_whole_jpeg
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Score
 from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
 from dlama.evaluation.runner.store import Stored, read_stored, stem
-from dlama.evaluation.runner.worker import PICTURES, Outcome, ProtocolFunction, Task, picture_of, work, work_all
+from dlama.evaluation.runner.worker import PICTURES, Outcome, Task, picture_of, work, work_all
 from dlama.workers.memory import check_processes
 from dlama.workers.pool import run_all
 from dlama.writing.atomic_write import write_file, writing
@@ -67,7 +66,7 @@ class Results:
 def run(
     cases: Sequence[Case],
     methods: Sequence[Method],
-    protocols: Mapping[Protocol, ProtocolFunction],
+    protocols: Mapping[Protocol, Score],
     settings: ProtocolSettings,
     folder: Path,
     *,
@@ -137,7 +136,7 @@ def _check(cases: Sequence[Case], methods: Sequence[Method], jobs: int) -> None:
 def _plan(
     cases: Sequence[Case],
     methods: Sequence[Method],
-    protocols: Mapping[Protocol, ProtocolFunction],
+    protocols: Mapping[Protocol, Score],
     settings: ProtocolSettings,
     folder: Path,
     pictures: bool,
@@ -163,4 +162,4 @@ def _plan(
 
 
 def _has_panels(folder: Path, found: Stored) -> bool:
-    return all(is_whole_jpeg(folder / "panels" / file) for file in found.panels.values())
+    return all((folder / "panels" / file).is_file() for file in found.panels.values())

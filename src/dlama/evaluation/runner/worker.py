@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from dlama.datasets.frames import Case, Truth
-from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
+from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Score, Scored
 from dlama.evaluation.protocols.strips import jpeg
 from dlama.evaluation.runner.store import Row, Stored, stem, write_stored
 from dlama.files.rasters.depth import write_depth_exr
@@ -19,8 +18,6 @@ from dlama.files.rasters.pictures import write_color
 from dlama.workers.memory import peak_mib, reset_peak
 from dlama.writing.atomic_write import write_file
 
-ProtocolFunction = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
-"""(truth, method, settings) -> its runs; a module's function, so that it travels to another process."""
 PICTURES = "pictures"
 TIMED = ("time", "memory")
 """Modalities that differ from run to run."""
@@ -33,7 +30,7 @@ class Task:
     case: Case
     methods: tuple[tuple[Method, str], ...]
     """Each with the cache key that its result will carry."""
-    protocol: ProtocolFunction
+    protocol: Score
     settings: ProtocolSettings
     folder: Path
     pictures: bool = False
@@ -100,16 +97,9 @@ def picture_of(folder: Path, name: str) -> Path:
 
 
 def _timings(scored: Sequence[Scored], seconds: float, peak: float | None) -> Iterator[Measure]:
-    """`seconds`: of the completion alone where its meta data has them, else of everything.
-
-    `seconds_scored`: with the metrics and the variants. `peak_mib`: of the whole process meanwhile, metrics included.
-    """
-    main = scored[0] if scored else None
-    own = [one for one in main.measures if one.modality in TIMED] if main else []
-    yield from own
-    stages = main.meta.get("seconds") if main else None
-    if ("time", "seconds") not in {(one.modality, one.metric) for one in own}:
-        yield Measure("whole", "time", "seconds", sum(stages.values()) if stages else seconds)
+    """What the first run took by itself; `seconds_scored`: with the metrics and the variants; `peak_mib`: of the whole process
+    meanwhile, metrics included."""
+    yield from (one for one in scored[0].measures if one.modality in TIMED)
     yield Measure("whole", "time", "seconds_scored", seconds)
     if peak is not None:
         yield Measure("whole", "memory", "peak_mib", peak)

@@ -37,12 +37,16 @@ class Crop:
         return resize_color(color[self._part], (self.size, self.size))
 
     def mask(self, mask: BoolArray) -> BoolArray:
-        """H x W -> size x size."""
-        return resize_mask(mask[self._part], (self.size, self.size))
+        """H x W -> size x size, True wherever any of it was."""
+        part, size = mask[self._part], (self.size, self.size)
+        if self.size >= self.side:
+            return nearest_pixels(part, size)
+        return np.asarray(cv2.resize(part.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 1e-6)
 
     def disparity(self, disparity: Float32Array) -> Float32Array:
         """H x W px, 0 = unknown -> size x size, in pixels of the sample."""
-        return resize_disparity(disparity[self._part], (self.size, self.size))
+        part = nearest_pixels(disparity[self._part], (self.size, self.size))
+        return (part * np.float32(self.size / self.side)).astype(np.float32)
 
     @property
     def _part(self) -> tuple[slice, slice]:
@@ -76,15 +80,3 @@ def resize_color(color: UInt8Array, hw: tuple[int, int]) -> UInt8Array:
     """H x W x 3 at another height and width: area means, or linear where it grows."""
     how = cv2.INTER_AREA if hw[0] < color.shape[0] else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(color, hw[::-1], interpolation=how), np.uint8)
-
-
-def resize_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
-    """H x W bool at another height and width, True wherever any of it was."""
-    if hw[0] >= mask.shape[0]:
-        return nearest_pixels(mask, hw)
-    return np.asarray(cv2.resize(mask.astype(np.float32), hw[::-1], interpolation=cv2.INTER_AREA) > 1e-6)
-
-
-def resize_disparity(disparity: Float32Array, hw: tuple[int, int]) -> Float32Array:
-    """H x W px at another height and width, in pixels of that width."""
-    return (nearest_pixels(disparity, hw) * np.float32(hw[1] / disparity.shape[1])).astype(np.float32)

@@ -7,7 +7,6 @@ LPIPS (AlexNet v0.1) is a scalar; its weights ship.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +15,12 @@ from torch import Tensor, nn
 from torch.nn.functional import mse_loss
 
 from dlama.errors import FileError, import_extra
+from dlama.evaluation.metrics.lpips import NETWORK
 from dlama.models.cache import user_path
 from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, random_trunk, read_trunk
 from dlama.training.settings import LossSettings
 
-FILE = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
 EPSILON = 1e-10
 
 
@@ -43,7 +42,7 @@ class LpipsLoss(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         onnx = import_extra("onnx", "the perceptual term LPIPS", "onnx", "onnx")
-        graph = onnx.load(FILE).graph
+        graph = onnx.load(NETWORK).graph
         stored = {one.name: onnx.numpy_helper.to_array(one).astype(np.float32) for one in graph.initializer}
         stored |= {node.output[0]: stored[node.input[0]] for node in graph.node if node.op_type == "Cast"}
         constants = {name: torch.from_numpy(array) for name, array in stored.items()}

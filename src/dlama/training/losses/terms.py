@@ -116,32 +116,19 @@ def _perceptual(x: LossInputs) -> Tensor:
     return x.perceptual(pictures(x.output, x.network), truth)
 
 
-@dataclass(frozen=True)
-class Term:
-    """One term of the generator's loss."""
-
-    value: Callable[[LossInputs], Tensor]
-    """Without its weight."""
-    of_depth: bool = False
-    """Only for networks whose output has depth."""
-    in_float32: bool = False
-    """Computed outside autocast: differences and sums of pixels."""
-
-
-GENERATOR_TERMS: dict[str, Term] = {
-    "l1_known": Term(lambda x: pixels.masked_l1(x.color[0], x.color[1], 1 - x.color[2]), in_float32=True),
-    "l1_hole": Term(lambda x: pixels.masked_l1(*x.color), in_float32=True),
-    "depth_l1": Term(lambda x: pixels.depth_l1(*x.depth), of_depth=True, in_float32=True),
-    "depth_gradient": Term(lambda x: pixels.gradient_matching(*x.depth), of_depth=True, in_float32=True),
-    "depth_normal": Term(lambda x: pixels.normal_consistency(*x.depth), of_depth=True, in_float32=True),
-    "depth_law": Term(
-        lambda x: pixels.law_penalty(x.depth[0], x.batch["limit"], x.batch["mask"]), of_depth=True, in_float32=True
-    ),
-    "perceptual": Term(_perceptual),
-    "adversarial": Term(lambda x: generator_loss(widen_half(x.discriminator_outputs[0]))),
-    "feature_matching": Term(lambda x: feature_matching(x.discriminator_outputs[1], x.discriminator_outputs[2])),
+GENERATOR_TERMS: dict[str, Callable[[LossInputs], Tensor]] = {
+    "l1_known": lambda x: pixels.masked_l1(x.color[0], x.color[1], 1 - x.color[2]),
+    "l1_hole": lambda x: pixels.masked_l1(*x.color),
+    "depth_l1": lambda x: pixels.depth_l1(*x.depth),
+    "depth_gradient": lambda x: pixels.gradient_matching(*x.depth),
+    "depth_normal": lambda x: pixels.normal_consistency(*x.depth),
+    "depth_law": lambda x: pixels.law_penalty(x.depth[0], x.batch["limit"], x.batch["mask"]),
+    "perceptual": _perceptual,
+    "adversarial": lambda x: generator_loss(widen_half(x.discriminator_outputs[0])),
+    "feature_matching": lambda x: feature_matching(x.discriminator_outputs[1], x.discriminator_outputs[2]),
 }
-"""In the order they are computed and added. A new term is an entry here and its weight in `LossSettings`."""
+"""Each without its weight, in the order they are computed and added; those called depth_ are of networks whose output has depth.
+A new term is an entry here and its weight in `LossSettings`."""
 DISCRIMINATOR_TERMS = ("discriminator", "gradient_penalty")
 
 
@@ -149,24 +136,14 @@ def used_terms(weights: LossSettings, network: NetworkSettings) -> list[str]:
     """Names of the generator's terms that have a weight and that the network has planes for."""
     return [
         name
-        for name, term in GENERATOR_TERMS.items()
-        if getattr(weights, name) and (network.kind.has_depth or not term.of_depth)
+        for name in GENERATOR_TERMS
+        if getattr(weights, name) and (network.kind.has_depth or not name.startswith("depth_"))
     ]
 
 
 def generator_terms(x: LossInputs) -> Terms:
     """The generator's weighted terms, equations 5, 7 and 9 and those of depth."""
-    return {
-        name: getattr(x.weights, name) * _value(GENERATOR_TERMS[name], x) for name in used_terms(x.weights, x.network)
-    }
-
-
-def _value(term: Term, x: LossInputs) -> Tensor:
-    """A term without its weight, in or out of the autocast that is on."""
-    if not term.in_float32:
-        return term.value(x)
-    with torch.autocast(x.output.device.type, enabled=False):
-        return term.value(x)
+    return {name: getattr(x.weights, name) * GENERATOR_TERMS[name](x) for name in used_terms(x.weights, x.network)}
 
 
 def discriminator_input(planes: Tensor, batch: Batch) -> Tensor:

@@ -64,7 +64,8 @@ def case_removal(cases: Cases, size: int, index: int, rng: np.random.Generator) 
             hole &= ~crop.mask(~case.compare)
         if hole_size_fits(hole):
             source, without = crop.rgbd(case.source), crop.rgbd(match_source_exposure(case))
-            return mask_example(source, hole, paste_in_hole(source, without, hole))
+            color = np.where(hole[..., None], without.color, source.color)
+            return mask_example(source, hole, RGBD(color, np.where(hole, without.depth, source.depth), source.camera))
     source = crop.rgbd(case.source)
     return mask_example(source, random_mask(rng, source.camera.hw))
 
@@ -87,12 +88,6 @@ def case_pair(cases: Cases, size: int, index: int, rng: np.random.Generator) -> 
     crop = random_crop(hw, size, rng)
     shown = _crop_both(crop, pair)
     return PairExample(shown, shown, random_masks(crop, case, rng))
-
-
-def paste_in_hole(source: RGBD, without: RGBD, hole: BoolArray) -> RGBD:
-    """The frame `source`, and in the hole (H x W) the frame `without`."""
-    color = np.where(hole[..., None], without.color, source.color)
-    return RGBD(color, np.where(hole, without.depth, source.depth), source.camera)
 
 
 def random_masks(crop: Crop, case: StereoTruth, rng: np.random.Generator) -> list[BoolArray]:

@@ -7,6 +7,7 @@ last few worlds are cached. A loader that shuffles indices should shuffle whole 
 from __future__ import annotations
 
 import functools
+import itertools
 import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -104,21 +105,18 @@ class WorldSet:
 def _world_views(worlds: WorldSet, number: int, paired: bool = False) -> WorldViews:
     seed, size, photos = FIRST_SEED[worlds.split] + number, worlds.size, worlds.photos
     rng = np.random.default_rng([seed, VIEWS])
-    made = world(seed, textures=[_texture(photos[i], rng) for i in _draw_photos(rng, len(photos))])
+    drawn = rng.choice(len(photos), min(TEXTURES, len(photos)), replace=False) if photos else ()
+    made = world(seed, textures=[_texture(photos[i], rng) for i in drawn])
     fov = float(rng.uniform(*FOV_DEG))
     yaws = _yaws(rng)
     if paired:
-        cameras = _stereo_cameras(rng, [made.camera(yaw, size, fov) for yaw in yaws[: VIEWS // 2]])
-        return WorldViews(made, cameras, tuple((n, n + 1) for n in range(0, len(cameras), 2)))
+        lefts = [made.camera(yaw, size, fov) for yaw in yaws[: VIEWS // 2]]
+        both = ((left, move_sideways(left, float(rng.uniform(*SHIFT_M)))) for left in lefts)
+        return WorldViews(made, tuple(itertools.chain(*both)), tuple((n, n + 1) for n in range(0, VIEWS, 2)))
     cameras = _random_move(rng, [made.camera(yaw, size, fov) for yaw in yaws])
     pairs = [(i, j) for i in range(VIEWS) for j in range(VIEWS) if i != j and abs(yaws[i] - yaws[j]) <= LARGEST_YAW]
     rng.shuffle(pairs)
     return WorldViews(made, cameras, tuple((int(i), int(j)) for i, j in pairs))
-
-
-def _stereo_cameras(rng: np.random.Generator, lefts: list[Camera]) -> tuple[Camera, ...]:
-    """Left, right, left, right ..."""
-    return tuple(each for left in lefts for each in (left, move_sideways(left, float(rng.uniform(*SHIFT_M)))))
 
 
 def _yaws(rng: np.random.Generator) -> list[float]:
@@ -138,10 +136,6 @@ def _random_move(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camer
         orbit(last, sign * float(rng.uniform(SMALLEST_TURN, 15)), float(rng.uniform(*PITCH_DEG))),
     )
     return (*cameras[:-1], moved[int(rng.integers(len(moved)))])
-
-
-def _draw_photos(rng: np.random.Generator, count: int) -> list[int]:
-    return [int(i) for i in rng.choice(count, min(TEXTURES, count), replace=False)] if count else []
 
 
 def _texture(photo: Path, rng: np.random.Generator) -> UInt8Array:
