@@ -128,9 +128,15 @@ def photo3d(
     reports, warped = [report for one in steps for report in one.reports], [one.before for one in steps]
     grown = [one.grown for one in steps]
     meta = describe_depth(rgbd) | meta_data(plan, source, warped, reports, clock.seconds, holes=grown)
-    return Photo3D(
-        scene, box, meta | {"photo3d": describe_box(box, [one.view.camera for one in seen], step, open_share)}
-    )
+    about = {
+        "pivot_m": round(box.pivot, 5),
+        "angle_deg": round(box.angle, 4),
+        "distance": round(box.distance, 5),
+        "filled_cameras": [one.view.camera.world_from_cam.tolist() for one in seen],
+        "hidden_step": step,
+        "open_share": round(open_share, 6),
+    }
+    return Photo3D(scene, box, meta | {"photo3d": about})
 
 
 def complete_box(plan: Plan, scene: Scene, box: HeadBox, clock: Clock) -> tuple[Scene, list[CompletedView], float]:
@@ -150,18 +156,6 @@ def complete_box(plan: Plan, scene: Scene, box: HeadBox, clock: Clock) -> tuple[
             unknown.look(added)
         begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")
     return scene, seen, unknown.share
-
-
-def describe_box(box: HeadBox, seen: list[Camera], step: int, open_share: float) -> dict[str, Any]:
-    """`photo3d` of the meta data."""
-    return {
-        "pivot_m": round(box.pivot, 5),
-        "angle_deg": round(box.angle, 4),
-        "distance": round(box.distance, 5),
-        "filled_cameras": [camera.world_from_cam.tolist() for camera in seen],
-        "hidden_step": step,
-        "open_share": round(open_share, 6),
-    }
 
 
 class Unknown:

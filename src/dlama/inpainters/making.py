@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.layered.filler import layered
+from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.lama import joint_filler, lama_filler
 from dlama.inpainters.networks.migan import migan_filler
-from dlama.inpainters.networks.pair import pair_filler
+from dlama.inpainters.networks.pair import PairFiller
 from dlama.inpainters.opencv import telea
 from dlama.inpainters.patchmatch.filler import patchmatch_filler
 from dlama.inpainters.patchmatch.over_layers import layered_patches_filler
@@ -21,6 +22,6 @@ MAKE: dict[str, Callable[..., Inpainter]] = {
     "migan": migan_filler,
     "patchmatch": patchmatch_filler,
     "joint": joint_filler,
-    "pair": pair_filler,
+    "pair": lambda model: PairFiller(open_engine(model)),
 }
 """Name -> makes the filler; one that runs a network, of its model file."""

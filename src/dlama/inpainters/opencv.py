@@ -71,21 +71,19 @@ def spread_small(colors: np.ndarray, known: BoolArray, where: BoolArray | None =
     It is the mean of pull-push and Telea, whose errors differ, computed with LARGEST pixels at most and enlarged.
     """
     height, width = known.shape
-    if max(height, width) <= LARGEST:
-        found = spread_by_two(colors.astype(np.float32), known)
-        return found if where is None else found[where]
-    small, share = shrink_known(colors, known, smaller_size(known.shape, LARGEST))
-    filled = spread_by_two(small, share >= 0.5)
-    out = np.empty((*known.shape, 3) if where is None else (where.sum(), 3), np.float32)
+    smaller = max(height, width) > LARGEST
+    if smaller:
+        colors, share = shrink_known(colors, known, smaller_size(known.shape, LARGEST))
+        known = share >= 0.5
+    colors = np.asarray(colors, np.float32)
+    filled = np.asarray((pull_push(colors, known) + telea_spread(colors, known)) / 2, np.float32)
+    if not smaller:
+        return filled if where is None else filled[where]
+    out = np.empty((height, width, 3) if where is None else (where.sum(), 3), np.float32)
     for channel in range(3):  # one at a time: at full size they are floats
         large = cv2.resize(filled[..., channel], (width, height), interpolation=cv2.INTER_LINEAR)
         out[..., channel] = large if where is None else large[where]
     return out
-
-
-def spread_by_two(colors: np.ndarray, known: BoolArray) -> Float32Array:
-    """H x W x 3: the mean of `pull_push` and `telea_spread`."""
-    return np.asarray((pull_push(colors, known) + telea_spread(colors, known)) / 2, np.float32)
 
 
 def telea_spread(colors: np.ndarray, known: BoolArray) -> Float32Array:

@@ -30,8 +30,9 @@ def match_pair(
     matcher: str | Path | Matcher | None,
     max_disparity: float | None,
 ) -> MatchedPair:
-    """The pair (pictures H x W x 3) with the given left disparity and what it says of the right view, or with what a network
-    file, a function or semi-global matching finds. What speaks against a rectified pair is warned of. far: in metres.
+    """The pair (pictures H x W x 3) with the given left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right
+    view, or with what a network file, a function or semi-global matching finds. What speaks against a rectified pair is warned
+    of. far: in metres.
 
     Raises InputError: options that contradict each other, identical pictures; ShapeError: a disparity of another size;
     DepthError: nothing is nearer than `far`; what the matcher raises.
@@ -52,7 +53,10 @@ def match_pair(
         found = match(left, right)
         notes = {**notes, "unmatched_share": float((found[0] == 0).mean())}
     else:
-        found, notes = matches_of_disparity(disparity, left.shape[:2]), {"matcher": "none: the disparity was given"}
+        given_left = check_disparity(disparity, left.shape[:2], "`disparity`")
+        if not given_left.any():
+            raise InputError("disparity has no known pixel")
+        found, notes = (given_left, transfer_disparity(given_left)), {"matcher": "none: the disparity was given"}
     doubt = find_pair_fault(left, right, found[0])
     if disparity is None:
         doubt = doubt or find_many_unmatched(left, depth_in_metres(found[0], rig, np.inf))
@@ -94,14 +98,6 @@ def run_matcher(matcher: Matcher, left: UInt8Array, right: UInt8Array) -> tuple[
         raise InputError(f"`matcher` returned {came}; two disparities are expected, the left and the right one")
     at_left, at_right = (check_disparity(one, left.shape[:2], "what `matcher` returned") for one in found)
     return at_left, at_right
-
-
-def matches_of_disparity(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
-    """A left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right view. Raises ShapeError, InputError."""
-    left = check_disparity(disparity, hw, "`disparity`")
-    if not left.any():
-        raise InputError("disparity has no known pixel")
-    return left, transfer_disparity(left)
 
 
 def check_disparity(disparity: Float32Array, hw: tuple[int, ...], name: str) -> Float32Array:

@@ -177,7 +177,9 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Ster
     clean, gain = pair.without_bleeding(), color_gain(pair)
     recipe, filler = draft.recipe, draft.inpainter
     scene, grown_mask = without_object(clean, recipe)
-    right_before = right_as_given(clean, recipe)
+    right_before = View.from_rgbd(clean.right.clip_depth(recipe.clip))
+    if pair.masks is not None:
+        right_before = right_before.without(dilate_mask(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
     lawful = with_object_depth(scene, pair.object_depth)
     own = filler_beside(filler, right_before, recipe, left=True)
     plan = dataclasses.replace(draft, inpainter=own, measured=lawful)
@@ -261,12 +263,6 @@ def left_before_filling(source: RGBD, scene: Scene) -> View:
     before, base = View.from_rgbd(source), scene.frames[0].load()
     removed = base.object_hole
     return before.without(removed, HoleType.OBJECT) if removed.any() else before
-
-
-def right_as_given(pair: MatchedPair, recipe: Recipe) -> View:
-    """The right picture with its depth; with the object open, where one is removed."""
-    view = View.from_rgbd(pair.right.clip_depth(recipe.clip))
-    return view if pair.masks is None else view.without(dilate_mask(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
 
 
 def filler_beside(filler: Inpainter, other: View, recipe: Recipe, *, left: bool) -> Inpainter:

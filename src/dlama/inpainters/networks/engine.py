@@ -66,12 +66,9 @@ class Engine(NetworkFile):
         return about.unit_output(out)
 
 
-def open_engine(model: str | Path | Engine, *, budget: int = BUDGET, memory_pattern: bool = True) -> Engine:
+def open_engine(model: str | Path, *, budget: int = BUDGET, memory_pattern: bool = True) -> Engine:
     """The engine of a file, parameters as Engine's; the last few are kept open, so that methods in turn open each once.
 
-    An engine comes back as it is: so every filler of a network takes a file or an engine with settings of its own. FileError
-    where there is no such file, InputError as Engine.
+    FileError where there is no such file, InputError as Engine.
     """
-    if isinstance(model, Engine):
-        return model
     return open_kept(Engine, user_path(model), budget=budget, memory_pattern=memory_pattern)

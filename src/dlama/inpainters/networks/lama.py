@@ -15,12 +15,12 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.grey_depth import channel_spread
 from dlama.inpainters.networks.contract import require_planes
-from dlama.inpainters.networks.engine import Engine, open_engine
+from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes, robust_scale
 
 
-def lama_filler(model: str | Path | Engine) -> Inpainter:
-    """A filler of a network file, or of an engine that was opened with settings of its own. FileError where there is no file.
+def lama_filler(model: str | Path) -> Inpainter:
+    """A filler of a network file. FileError where there is no file.
 
     Depth goes in as three equal planes of inverse depth on the scale of the view's nearest pixel, 0 = infinity, and
     comes back as their mean: float all the way.
@@ -40,8 +40,8 @@ def lama_filler(model: str | Path | Engine) -> Inpainter:
     return Painter(paint, lama, lambda: network.notes)
 
 
-def joint_filler(model: str | Path | Engine) -> Inpainter:
-    """A filler of a network file (or of an engine) that takes red, green, blue, depth, mask.
+def joint_filler(model: str | Path) -> Inpainter:
+    """A filler of a network file that takes red, green, blue, depth, mask.
 
     Depth is inverse depth on the scale of `contract.DEPTH_PLANE`. In a sensor hole the
     network sees neither colour nor depth; only its depth is used there. FileError where there is no file.

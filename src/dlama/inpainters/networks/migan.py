@@ -29,8 +29,8 @@ NETWORK_SIDE = 512
 """The network's own size: every crop of up to this side costs the same."""
 
 
-def migan_filler(model: str | Path | Engine) -> Painter:
-    """A filler of MI-GAN: a file (or an engine) of its generator. It raises FileError where the file is another network's."""
+def migan_filler(model: str | Path) -> Painter:
+    """A filler of MI-GAN: a file of its generator. It raises FileError where the file is another network's."""
     network = open_engine(model, budget=(2 * NETWORK_SIDE) ** 2, memory_pattern=False)
 
     def require_migan() -> None:  # not before it runs: that loads the network, which many views do without

@@ -8,7 +8,6 @@ surfaces are continued, as `depth_first` does.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.contract import require_planes
-from dlama.inpainters.networks.engine import Engine, open_engine
+from dlama.inpainters.networks.engine import Engine
 from dlama.inpainters.networks.tiling import Network, fill_crops
 from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes
 
@@ -75,8 +74,3 @@ def _with_two_masks(network: Engine) -> Network:
         return np.concatenate([filled, np.zeros_like(both[:, 6:])], 1)
 
     return call
-
-
-def pair_filler(model: str | Path | Engine) -> PairFiller:
-    """The filler of a network file, or of an engine with settings of its own. FileError where there is no file."""
-    return PairFiller(open_engine(model))

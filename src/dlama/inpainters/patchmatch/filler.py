@@ -75,7 +75,10 @@ def blend_with_guess(
     if guess_share is not None:
         share = np.full(size[::-1], guess_share, np.float32)
     else:
-        smooth = None if unknown is None else spread_known(painted[box], ~unknown[box], size)
+        smooth = None
+        if unknown is not None:
+            small, known = shrink_known(painted[box], ~unknown[box], size)
+            smooth = spread_small(small, known >= 0.5)
         share = weigh_guess(first, second, smooth)
     if spread is not None:
         mean = blur_within(spread[box], there) ** 2
@@ -95,12 +98,6 @@ def weigh_guess(painted: Float32Array, guess: Float32Array, smooth: Float32Array
         return np.float32(0.5) * np.minimum(blurred_difference(guess, painted) / DIFFERS, 1)
     mine, others = (DISTANCE + blurred_difference(colors, smooth) for colors in (painted, guess))
     return np.minimum(blurred_difference(guess, painted) / NETWORK_DIFFERS, 1) * (mine / (mine + others))
-
-
-def spread_known(picture: UInt8Array, known: BoolArray, wh: tuple[int, int]) -> Float32Array:
-    """h x w x 3: the colours of the known pixels (H x W) at a size that is no larger, spread to all."""
-    small, share = shrink_known(picture, known, wh)
-    return spread_small(small, share >= 0.5)
 
 
 def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:

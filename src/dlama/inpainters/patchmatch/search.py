@@ -58,6 +58,8 @@ class Search:
         self.weights, self.random = weights, rng.uniform(-1, 1, (DRAWN, 2))
         self.found, self.cost = np.zeros_like(self.targets), np.full(len(self.targets), np.inf, np.float32)
         """N x 2, centre of the matched known patch; N differences of the two."""
+        self.patches = kernels.Patches(self.values, self.targets, self.number, self.sources)
+        self.matches = kernels.Matches(self.found, self.cost)
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
         """Compare every target with every known patch, or with as many random ones as `pairs` allow."""
@@ -66,7 +68,7 @@ class Search:
         if len(sources) > most:
             sources = sources[np.sort(rng.permutation(len(sources))[:most])]
         penalties = kernels.Penalties(self.weights, np.zeros(self.sources.shape, np.float32), self.label)
-        self._run(kernels.search_rows, self._patches, sources, penalties, self._matches)
+        self._run(kernels.search_rows, self.patches, sources, penalties, self.matches)
 
     def start_from(self, coarser: Search, compare: bool) -> None:
         """Start with the matches and colours of the coarser level (half the size); with its costs, too, or `compare` anew."""
@@ -77,10 +79,10 @@ class Search:
         moved *= 2
         moved[above < 0] = 0
         moved += self.targets
-        self.found = nearest_source(self.sources, moved)
+        self.found[:] = nearest_source(self.sources, moved)
         if compare:
             self.cost[:] = 1
-            self._paint(SOFT, WIDE, self.trust)
+            self._paint()
             self._weigh()
         else:
             self.cost[:] = np.where(above >= 0, coarser.cost[above], coarser.cost.mean())
@@ -91,11 +93,11 @@ class Search:
         for step in range(matchings):
             reach = float(max(self.sources.shape)) if step == 0 else NEAR
             steps = kernels.Steps(self.random, 104729 * (turn * matchings + step), reach)
-            self._run(kernels.match_rows, self._patches, penalties, steps, self.found.copy(), self._matches)
+            self._run(kernels.match_rows, self.patches, penalties, steps, self.found.copy(), self.matches)
 
     def vote(self) -> None:
         """Set the hole's values by a vote of the matched patches, drawn to the guess."""
-        self._paint(SOFT, WIDE, self.trust)
+        self._paint()
         self._pull_to_guess()
         self._weigh()
 
@@ -109,7 +111,7 @@ class Search:
 
     def keep_matches(self) -> None:
         """Give up all that the next level does not start from."""
-        del self.values, self.guess, self.label
+        del self.values, self.guess, self.label, self.patches
 
     def _pull_to_guess(self) -> None:
         """Bring the hole's colours nearer to the guess, but for their detail."""
@@ -118,16 +120,16 @@ class Search:
         step = cv2.GaussianBlur(self.guess - self.values[self.box][..., :3], (0, 0), PULL_PX)
         self.values[rows, columns, :3] += PULL * step[rows - top, columns - left]
 
-    def _paint(self, sharpness: float, width_px: float, trust: Float32Array) -> None:
-        """Set the hole's values. A patch weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a
-        Gaussian of its centre's distance (width_px)."""
+    def _paint(self) -> None:
+        """Set the hole's values by a soft vote of the patches, weighted by the trust in them."""
         out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
-        votes = self._votes(sharpness, width_px, trust)
+        votes = self._votes(SOFT, WIDE, self.trust)
         in_bands(vote_kernels.vote_rows, len(self.pixels), self.values, votes, out, band=BAND)
         self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
 
     def _votes(self, sharpness: float, width_px: float, trust: Float32Array) -> vote_kernels.Votes:
-        """The patches, weighted by their cost, the trust in them and the distance of their centres."""
+        """The patches. One weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a Gaussian of
+        its centre's distance (width_px)."""
         touched = self.number[self.box] >= 0
         costs = np.zeros(touched.shape, np.float32)
         costs[touched] = self.cost
@@ -135,16 +137,8 @@ class Search:
         weights = np.asarray(np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust, np.float32)
         return vote_kernels.Votes(self.pixels, self.number, self.found, weights, gaussian(width_px))
 
-    @property
-    def _patches(self) -> kernels.Patches:
-        return kernels.Patches(self.values, self.targets, self.number, self.sources)
-
-    @property
-    def _matches(self) -> kernels.Matches:
-        return kernels.Matches(self.found, self.cost)
-
     def _weigh(self) -> None:
-        self._run(kernels.cost_rows, self._patches, self._penalties(), self._matches)
+        self._run(kernels.cost_rows, self.patches, self._penalties(), self.matches)
 
     def _penalties(self) -> kernels.Penalties:
         """By how many times each known pixel is used."""
