@@ -1,4 +1,5 @@
-"""How far a mask grows: a closed-form world whose depth is shifted against its picture, and whose picture is blurred."""
+"""How far a mask grows, and what fillers know of depth edges: a closed-form world whose depth is shifted against its picture, and
+whose picture is blurred."""
 
 from __future__ import annotations
 
@@ -12,7 +13,12 @@ import dlama
 from dlama.completion.verbs import remove
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.removal import mask_growth
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.view import View
+from dlama.inpainters.context import FillContext
+from dlama.inpainters.filling import Fill
+from dlama.inpainters.opencv import telea
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(240, 180, 70)
@@ -52,3 +58,31 @@ def test_masks_of_large_pictures_grow_in_proportion() -> None:
     camera = Camera.from_fov(4096, 64, 60)
     large = RGBD(np.zeros((64, 4096, 3), np.uint8), np.ones((64, 4096), np.float32), camera)
     assert mask_growth(dlama.scene([large])).px == 12
+
+
+def test_a_path_is_filled_beside_the_edges_of_its_pictures() -> None:
+    """Law: where depth lies beside its picture, each view of a path is filled under the law of placed edges, as by `complete`."""
+    rgbd, _ = blurred(4)
+    cameras = [orbit(rgbd.camera, yaw, 0.0, 2.5) for yaw in (-25.0, 0.0, 25.0)]
+    misplaced: list[bool] = []
+
+    def filler(view: View, context: FillContext, seed: int) -> Fill:
+        if not view.camera.same_view_as(rgbd.camera):
+            misplaced.append(context.law.misplaced_edges)
+        return telea(view, context, seed)
+
+    for _ in dlama.render_path(dlama.scene([rgbd]), [cameras[0], orbit(rgbd.camera, -12.0), cameras[2]], filler=filler):
+        pass
+    assert len(misplaced) >= 3 and all(misplaced)
+
+
+def test_a_recipe_and_its_name_grow_masks_alike() -> None:
+    """Law: by 3 px, in both ways of saying `dlama`; meta.json says so, and why."""
+    rgbd, mask = blurred(4)
+    for recipe in (dlama.Recipe("dlama"), "dlama"):
+        meta = remove(rgbd, mask, filler="telea", recipe=recipe).meta
+        assert meta["recipe"]["dilate"] == 3
+        assert meta["decisions"]["mask_growth"]["px"] == 3
+        assert meta["decisions"]["mask_growth"]["reason"].startswith("by the picture's longer side")
+    explicit = remove(rgbd, mask, filler="telea", dilate=2).meta["decisions"]["mask_growth"]
+    assert explicit == {"px": 2, "reason": "as given"}

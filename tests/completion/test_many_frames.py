@@ -15,7 +15,6 @@ from dlama.errors import InputError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.gathering import drop_seen_depth
 from dlama.geometry.motion.trajectories import orbit
-from dlama.geometry.rendering import render
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from worlds import World
@@ -38,15 +37,6 @@ def completed(count: int) -> Completion:
 def removed() -> Completion:
     """The ball, masked in frame 1 alone, taken out of all four frames."""
     return dlama.complete(FRAMES, CAMERAS, mask={1: MASKS[1]})
-
-
-def test_one_frame_is_the_one_picture() -> None:
-    """Law: a list of one frame, its scene, and the picture itself give the same bits."""
-    alone = dlama.complete(FRAMES[0], [TARGET])
-    for given in (FRAMES[:1], dlama.scene(FRAMES[:1])):
-        again = dlama.complete(given, [TARGET])
-        np.testing.assert_array_equal(again.view.color, alone.view.color)
-        np.testing.assert_array_equal(again.view.depth, alone.view.depth)
 
 
 def test_more_frames_leave_less_to_fill() -> None:
@@ -96,19 +86,6 @@ def test_removed_in_all_frames() -> None:
         assert (view.frame[elsewhere] > 0).all() and number + 1 not in view.frame[elsewhere]
         outside = FRAMES[number].valid & (view.origin == Origin.MEASURED)
         np.testing.assert_array_equal(view.color[outside], FRAMES[number].color[outside])
-
-
-def test_what_was_filled_agrees_between_frames() -> None:
-    """A filled point seen again in another frame: the wanted 2 grey levels and 0.1 % depth (median; they are the same points)."""
-    done = removed()
-    first = next(view for view in done.views if view.filled.any())
-    for other in done.views:
-        again = render(done.scene, other.camera)
-        both = other.filled & ~again.hole & other.valid & again.valid
-        if both.any():
-            assert np.median(np.abs(again.depth[both] - other.depth[both]) / other.depth[both]) < 1e-3
-            assert np.median(np.abs(again.color.astype(int) - other.color)[both]) <= 2
-    assert first.filled.any()
 
 
 def test_a_completed_scene_goes_on() -> None:

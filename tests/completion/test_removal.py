@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from small_street import BALL, MASK, completed, fillers, recipes, street
@@ -14,6 +16,7 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
 from whole_picture import counts
 
 
@@ -73,3 +76,11 @@ def test_masks_that_are_refused(recipe: str) -> None:
     ):
         with pytest.raises(MaskError, match=message):
             remove(street(), mask, filler="telea", recipe=recipe)
+
+
+def test_a_hole_comes_from_no_frame() -> None:
+    """Law: what is removed from a view has the frame 0, "none"."""
+    view = dataclasses.replace(View.from_rgbd(street()), frame=np.full(MASK.shape, 2, np.uint16))
+    cut = view.without(MASK, HoleType.OBJECT)
+    assert cut.frame is not None
+    np.testing.assert_array_equal(cut.frame, np.where(MASK, 0, 2))

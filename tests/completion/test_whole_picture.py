@@ -19,7 +19,6 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters import FILLER_NAMES, FILLERS
 from dlama.inpainters.filling import Fill
-from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.writer import write_worlds
 from posed_folders import write_picture
 from tiny_networks import constant
@@ -108,22 +107,6 @@ def test_files_of_a_picture(suffix: str, tmp_path: Path) -> None:
 
 def save_npz(path: Path, depth: np.ndarray) -> None:
     np.savez(path, depth=depth)
-
-
-def test_a_saved_scene(tmp_path: Path) -> None:
-    """Law: a scene.npz of one picture, read back, shows it."""
-    frame = street(sensor_holes=False)
-    dlama.write(view(frame, filler=refuse), tmp_path / "out", only=["scene"])
-    scene = dlama.read_scene(tmp_path / "out" / "scene.npz")
-    check_same(view(scene, filler=refuse), frame)
-
-
-def test_a_scene_of_two_frames_seen_from_either() -> None:
-    """Law: each frame is itself, whatever the other one adds."""
-    made = build(12, None, ())
-    frames = [made.frame(made.camera(yaw, 64)) for yaw in (0.0, 15.0)]
-    for frame in frames:
-        check_same(view(dlama.scene(frames), frame.camera, filler=refuse), frame)
 
 
 def test_frames_of_an_easysynth_folder(tmp_path: Path) -> None:

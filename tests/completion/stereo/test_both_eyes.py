@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -247,16 +248,9 @@ def test_the_paper_removes_the_object_and_obeys_the_range() -> None:
     for view in done.views:
         filled = view.origin == Origin.FILLED
         assert filled.any() and view.confidence[filled].max() <= LARGEST_CONFIDENCE < 1
-    seen: list[float | None] = []
-    with pytest.MonkeyPatch.context() as patch:
-
-        def spy(left: np.ndarray, right: np.ndarray, *, max_disparity: float | None) -> tuple[np.ndarray, np.ndarray]:
-            seen.append(max_disparity)
-            return at_left, at_right
-
-        patch.setattr(pairs, "disparity_pair", spy)
+    with mock.patch.object(pairs, "disparity_pair", return_value=(at_left, at_right)) as matching:
         stereo(*pictures(), RIG, max_disparity=33, **how)
-    assert seen == [33, 33]
+    assert [call.kwargs for call in matching.call_args_list] == [{"max_disparity": 33}] * 2
     with pytest.raises(InputError, match="disparity is given and the recipe 'paper'"):
         stereo(*pictures(), RIG, disparity=at_left, **how)
 

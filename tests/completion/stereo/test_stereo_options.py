@@ -1,4 +1,5 @@
-"""Stereo's options and its calibration: far limit, doffs, masks of either picture, range of disparities (closed forms)."""
+"""Stereo's options and its calibration: far limit, doffs, masks of either picture (closed forms); and a removal from a matched
+pair: what matching gets wrong on and beside the object does not reach the background."""
 
 from __future__ import annotations
 
@@ -9,14 +10,20 @@ import pytest
 
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.stereo import disparities as pairs
-from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
+from dlama.completion.stereo.pair import (
+    OBJECT_REACH,
+    MatchedPair,
+    default_far,
+    depth_in_metres,
+    largest_object_disparity,
+)
 from dlama.completion.stereo.stereo import stereo
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
-from worlds import moved
+from worlds import Box, Plane, World, moved
 
 CAMERA = Camera(60, 40, 100, 100, 30, 20)
 DOFFS = 30.0
@@ -150,3 +157,48 @@ def test_a_far_limit_nearer_than_everything_is_refused() -> None:
     disparity = np.full(CAMERA.hw, 4, np.float32)
     with pytest.raises(DepthError, match=r"no depth is nearer than far, 1e-09 m; the scene has "):
         stereo(picture, picture[:, ::-1].copy(), rig(), disparity=disparity, far=1e-9)
+
+
+def test_the_nearest_of_an_object_is_its_largest_disparity_around() -> None:
+    """Twin: the largest of the mask within a disc of OBJECT_REACH px, pixel by pixel; 0 where the mask is farther away."""
+    rng = np.random.default_rng(0)
+    disparity = rng.uniform(1, 20, (40, 50)).astype(np.float32)
+    mask = np.zeros(disparity.shape, bool)
+    mask[12:20, 10:22] = rng.random((8, 12)) < 0.6
+    got = largest_object_disparity(disparity, mask)
+    rows, columns = np.nonzero(mask)
+    for row, column in np.ndindex(disparity.shape):
+        apart = np.hypot(rows - row, columns - column)
+        surely, maybe = (disparity[rows, columns][apart <= OBJECT_REACH + margin] for margin in (-1, 1))
+        assert surely.max(initial=0) <= got[row, column] <= maybe.max(initial=0)
+    np.testing.assert_array_equal(largest_object_disparity(disparity, ~mask & mask), 0)
+
+
+@pytest.mark.parametrize("filler", ["layered", "telea"])
+def test_bad_matches_on_and_beside_the_object_do_not_reach_the_wall(
+    filler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Closed form: a wall at 4 m behind a box. A patch of the box is matched at 8 m, and the box bleeds 6 px over its edge; the
+    restored wall lies at 4 m all the same, in both views."""
+    with_box = World((Plane((0, 0, 4), (0, 0, -1)), Box((-0.3, -0.4, 2), (0.3, 0.5, 2.2))))
+    camera = Camera.from_fov(96, 72, 60)
+    wide = StereoRig(camera, moved(camera, shift=(0.3, 0, 0)))
+    cameras = wide.left, wide.right
+    masks = [with_box.trace(camera)[1] == 1 for camera in cameras]
+    found = []
+    for camera, mask in zip(cameras, masks):
+        disparity = (camera.fx * wide.baseline_m / with_box.trace(camera)[0]).astype(np.float32)
+        bleeding = np.zeros_like(mask)
+        for step in range(1, 7):
+            bleeding |= np.roll(mask, step, 1)
+        disparity[bleeding & ~mask] = disparity[mask].max()
+        rows, columns = np.nonzero(mask)
+        disparity[rows.min() + 4 : rows.min() + 9, columns.min() + 4 : columns.min() + 9] /= 4
+        found.append(disparity)
+    monkeypatch.setattr(pairs, "disparity_pair", lambda *_, **__: tuple(found))
+    left, right = (with_box.rgbd(camera).color for camera in cameras)
+    done = stereo(left, right, wide, mask=masks[0], mask_right=masks[1], filler=filler)
+    for view, mask in zip(done.views, masks):
+        assert mask.sum() > 300
+        np.testing.assert_allclose(view.depth[mask], 4, rtol=0.02)
+    assert done.meta["law_violations"] == 0

@@ -54,6 +54,29 @@ def step(kind: HoleType = HoleType.DISOCCLUDED) -> View:
     return View.from_rgbd(RGBD(color, depth, Camera.from_fov(80, 40, 60))).without(hole, kind)
 
 
+def view_of(depth: np.ndarray, hole: np.ndarray, kind: HoleType, fov: float = 90) -> View:
+    """A black picture with a hole."""
+    frame = RGBD(np.zeros((*depth.shape, 3), np.uint8), depth, Camera.from_fov(*depth.shape[::-1], fov))
+    return View.from_rgbd(frame).without(hole, kind)
+
+
+def box_on_ground(kind: HoleType) -> tuple[View, np.ndarray, np.ndarray]:
+    """Ground 1.5 m below the camera, a hole in it, and in front of that, in the same columns, a box at 1 m; the box; the ground's
+    depth, row by row."""
+    rows, focal = np.arange(120) + 0.5, Camera.from_fov(160, 120, 90).fy
+    ground = np.where(rows > 70, 1.5 * focal / np.maximum(rows - 60, 1), 9).astype(np.float32)
+    hole, box = np.zeros((2, 120, 160), bool)
+    hole[75:85, 40:120] = box[85:95, 100:110] = True
+    return view_of(np.where(box, np.float32(1), ground[:, None]), hole, kind), box, ground
+
+
+def box_before_a_wall(width: int) -> tuple[View, np.ndarray, np.ndarray]:
+    """A box at 1 m before a wall at 3 m, and next to it a dis-occlusion of so many columns; the box, the hole."""
+    box, hole = np.zeros((2, 160, 320), bool)
+    box[40:120, 140:200], hole[40:120, 200 : 200 + width] = True, True
+    return view_of(np.where(box, 1, 3).astype(np.float32), hole, HoleType.DISOCCLUDED), box, hole
+
+
 def recording(shown: list[np.ndarray]) -> Painter:
     """Paints 99; remembers which pixels it was told to fill."""
 
@@ -125,20 +148,11 @@ def test_beside_what_is_out_of_view_or_lacks_depth_alone_nothing_is_hidden(kind:
 
 
 def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
-    """Closed form: ground 1.5 m below the camera, a hole in it, and in front of that, in the same columns, a box at 1 m.
-    BAND px below the hole the ground is less than NEARER times as far off, but it is the hole's own surface; the box is not."""
-    camera = Camera.from_fov(160, 120, 90)
-    rows = np.arange(120) + 0.5
-    ground = np.where(rows > 70, 1.5 * camera.fy / np.maximum(rows - camera.cy, 1), 9).astype(np.float32)
-    depth = np.repeat(ground[:, None], 160, 1)
-    hole = np.zeros(depth.shape, bool)
-    hole[75:85, 40:120] = True
-    depth[85:95, 100:110] = 1
-    view = View.from_rgbd(RGBD(np.zeros((*depth.shape, 3), np.uint8), depth, camera)).without(hole, HoleType.OBJECT)
+    """Closed form: BAND px below the hole the ground is less than NEARER times as far off, but it is the hole's own surface; the
+    box is not."""
+    view, box, ground = box_on_ground(HoleType.OBJECT)
     surfaces, filled, _ = continue_lawfully(view, NOTHING, 0)
-    assert (surfaces.label[hole] > 0).all() and ground[85 + BAND - 1] < NEARER * ground[84]
-    box = np.zeros_like(hole)
-    box[85:95, 100:110] = True
+    assert (surfaces.label[view.hole] > 0).all() and ground[85 + BAND - 1] < NEARER * ground[84]
     found = find_occluders(view, surfaces, filled, NOTHING.law)
     assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
 
@@ -161,20 +175,15 @@ def test_occluders_for_a_coarse_picture_are_those_of_every_nth_pixel(monkeypatch
     """Law: a view whose pixels are squares of 3 x 3 has the occluders of the view of its middles, as squares; a box on ground
     whose plane is inclined, next to a dis-occlusion."""
     monkeypatch.setattr(depth_first, "OCCLUDERS_SIDE", 160)
-    camera, rows = Camera.from_fov(160, 120, 90), np.arange(120) + 0.5
-    ground = np.where(rows > 70, 1.5 * camera.fy / np.maximum(rows - camera.cy, 1), 9).astype(np.float32)
-    depth, hole = np.repeat(ground[:, None], 160, 1), np.zeros((120, 160), bool)
-    depth[85:95, 100:110], hole[75:85, 40:120] = 1, True
-    view = View.from_rgbd(RGBD(np.zeros((*depth.shape, 3), np.uint8), depth, camera))
-    view = view.without(hole, HoleType.DISOCCLUDED)
+    view, box, ground = box_on_ground(HoleType.DISOCCLUDED)
     surfaces, filled, _ = continue_lawfully(view, NOTHING, 0)
 
     def enlarge(plane: np.ndarray) -> np.ndarray:
         return plane.repeat(3, 0).repeat(3, 1)
 
     inverse, label = (enlarge(each) for each in (surfaces.inverse_depth, surfaces.label))
-    large = View.from_rgbd(RGBD(enlarge(view.color), enlarge(depth), Camera.from_fov(480, 360, 90)))
-    large = large.without(enlarge(hole), HoleType.DISOCCLUDED)
+    depth = np.where(box, np.float32(1), ground[:, None])
+    large = view_of(enlarge(depth), enlarge(view.hole), HoleType.DISOCCLUDED)
     planes = surfaces.planes / (3, 3, 1)
     found = find_occluders_coarsely(large, Surfaces(inverse, label, planes), enlarge(filled), NOTHING.law)
     expected = find_occluders(view, surfaces, filled, NOTHING.law)
@@ -185,11 +194,7 @@ def test_occluders_for_a_coarse_picture_are_those_of_every_nth_pixel(monkeypatch
 def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None:
     """Closed form: a box at 1 m, wider than BAND, before a wall at 3 m: all of it and at most MIXED_PX more, though only its
     edge lies next to the hole. Not where its own surface continues in what was hidden: there BAND px of it."""
-    box, hole = np.zeros((2, 160, 320), bool)
-    box[40:120, 140:200], hole[40:120, 200:212] = True, True
-    depth = np.where(box, 1, 3).astype(np.float32)
-    frame = RGBD(np.zeros((160, 320, 3), np.uint8), depth, Camera.from_fov(320, 160, 90))
-    view = View.from_rgbd(frame).without(hole, HoleType.DISOCCLUDED)
+    view, box, hole = box_before_a_wall(12)
     surfaces, filled = flat(view, 3)
     found = find_occluders(view, surfaces, filled, NOTHING.law)
     assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
@@ -218,11 +223,7 @@ def test_estimated_depth_says_less_of_occluders() -> None:
 def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
     """Law: where the fill continues the occluder's own face for a few pixels into the hole, it is an occluder all the same; a
     face that continues over half of the hole is none."""
-    box, hole = np.zeros((2, 160, 320), bool)
-    box[40:120, 140:200], hole[40:120, 200:240] = True, True
-    depth = np.where(box, 1, 3).astype(np.float32)
-    frame = RGBD(np.zeros((160, 320, 3), np.uint8), depth, Camera.from_fov(320, 160, 90))
-    view = View.from_rgbd(frame).without(hole, HoleType.DISOCCLUDED)
+    view, box, hole = box_before_a_wall(40)
     for width, hidden in ((5, True), (25, False)):
         goes_on = box.copy()
         goes_on[40:120, 200 : 200 + width] = True

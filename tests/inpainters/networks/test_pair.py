@@ -11,8 +11,8 @@ import dlama
 from dlama.errors import InputError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.inpainters import find_filler
-from dlama.inpainters.networks.engine import Engine, open_engine
-from dlama.inpainters.networks.pair import PairFiller, fill_pair, pair_filler
+from dlama.inpainters.networks.engine import Engine
+from dlama.inpainters.networks.pair import PairFiller, fill_pair
 from tiny_networks import constant, contract_of_planes, echo_mask, written
 
 DEMO = Path(dlama.__file__).parent / "assets" / "demo"
@@ -61,7 +61,7 @@ def test_two_masks_are_each_pictures_own(tmp_path: Path, left: bool, hw: tuple[i
     hole, other_hole = np.zeros((2, *hw), bool)
     high, wide = hw
     hole[4 : high - 8, : wide // 2], other_hole[high // 2 :, wide // 4 : wide - 4] = True, True
-    painter = pair_filler(open_engine(two_mask_probe(tmp_path / "p.onnx"), budget=budget)).painter(
+    painter = PairFiller(Engine(two_mask_probe(tmp_path / "p.onnx"), budget=budget)).painter(
         other, other_hole, left=left
     )
     painted = painter.paint(mine, hole, 0)
@@ -134,7 +134,7 @@ def test_a_trained_and_exported_network_of_two_masks_runs(tmp_path: Path) -> Non
     wanted = Engine(model).run({"planes": fed})[0].reshape(2, 3, 48, 48).transpose(0, 2, 3, 1) * 255
     assert wanted.std() > 0.1, "an answer that tells pictures apart"
     for mine, theirs in ((0, 1), (1, 0)):
-        painter = pair_filler(model).painter(pictures[theirs], holes[theirs], left=mine == 0)
+        painter = filler(model).painter(pictures[theirs], holes[theirs], left=mine == 0)
         painted = painter.paint(pictures[mine], holes[mine], 0)
         np.testing.assert_allclose(painted[holes[mine]], wanted[mine][holes[mine]], atol=0.5001)
         np.testing.assert_array_equal(painted[~holes[mine]], pictures[mine][~holes[mine]])

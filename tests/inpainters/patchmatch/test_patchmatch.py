@@ -190,18 +190,6 @@ def test_as_a_filler_it_continues_surfaces_and_says_what_ran() -> None:
     assert "migan" in str(report.notes["guess"])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("recipe", ["dlama", "paper"])
-def test_the_seed_reaches_the_patches(recipe: str) -> None:
-    """Law: another seed gives other patches, on continued surfaces and as the paper does it; known pixels stay."""
-    noise = np.random.default_rng(3).integers(0, 256, (96, 128, 3), np.uint8)
-    rgbd = RGBD(noise, np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))
-    first, other = (
-        dlama.remove(rgbd, HOLE, filler="patchmatch", recipe=recipe, seed=seed).view.color for seed in (5, 6)
-    )
-    assert (first != other)[HOLE].any() and (first == other)[~HOLE].mean() > 0.9
-
-
 def camera_frame(off: int, wall: np.ndarray) -> tuple[RGBD, np.ndarray]:
     """A wall at 2 m behind a plain table at 1 m, whose depth ends `off` columns next to its picture; a hole in the wall."""
     rows, columns = np.indices(wall.shape[:2])

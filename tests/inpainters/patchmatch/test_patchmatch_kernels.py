@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.kernels import HALF
-from dlama.inpainters.patchmatch.pyramid import Level, describe_both, dilate_by_patch, whole_patches
-from dlama.inpainters.patchmatch.search import NARROW, SHARP, Search
+from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch, whole_patches
+from dlama.inpainters.patchmatch.search import NARROW, SHARP, SOFT, WIDE, Search
 
 LEAN = np.array([3.0, 0.5, 7.0, 2000.0], np.float32)
 RNG = np.random.default_rng(4)
@@ -79,18 +78,18 @@ def test_one_lucky_patch_tells_the_others() -> None:
     np.testing.assert_array_equal(costs, 0)
 
 
-@pytest.mark.parametrize(("sharpness", "width_px"), [(4.0, 1e3), (8.0, 1.4)])
-def test_votes_are_the_weighted_mean_of_a_literal_twin(sharpness: float, width_px: float) -> None:
+def test_votes_are_the_weighted_mean_of_a_literal_twin() -> None:
     """Twin: exp(-sharpness cost / 2 mean cost about the patch) times trust times a Gaussian, over all patches that cover the
-    pixel; their spread is numpy's."""
+    pixel, of described pixels and, sharper, of the picture itself; the spread of its patches is numpy's."""
     level = Level(VALUES.copy(), HOLE, whole_patches(HOLE), LABEL)
     picture = VALUES[..., :3].astype(np.uint8)
     search = Search(level, np.random.default_rng(0), LEAN)
-    found, costs, trust = search.found, search.cost, RNG.uniform(1, 9, len(TARGETS)).astype(np.float32)
+    found, costs, trust = search.found, search.cost, search.trust
     found[:], costs[:] = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))], RNG.uniform(1, 9, len(TARGETS))
-    search._paint(sharpness, width_px, trust)
-    spread = np.zeros(HOLE.shape, np.float32)
-    spread[HOLE] = search.vote_sharply(picture)[1]
+    trust[:] = RNG.uniform(1, 9, len(TARGETS))
+    search._paint()
+    sharp, spread = np.zeros((*HOLE.shape, 3), np.float32), np.zeros(HOLE.shape, np.float32)
+    sharp[HOLE], spread[HOLE] = search.vote_sharply(picture)
     np.testing.assert_array_equal(search.targets, TARGETS)
     np.testing.assert_array_equal(search.values[~HOLE], VALUES[~HOLE])
 
@@ -104,21 +103,11 @@ def test_votes_are_the_weighted_mean_of_a_literal_twin(sharpness: float, width_p
     mean = np.array([costs[over(*target)[0]].mean() for target in TARGETS.tolist()])
     for row, column in np.argwhere(HOLE).tolist():
         patch, places = over(row, column)
-        off = np.array([j * j + i * i for j, i in places])
-        weight = np.exp(-sharpness * costs[patch] / (2 * mean[patch]) - off / (2 * width_px**2)) * trust[patch]
+        off, ratio = np.array([j * j + i * i for j, i in places]), costs[patch] / (2 * mean[patch])
+        soft = np.exp(-SOFT * ratio - off / (2 * WIDE**2)) * trust[patch]
         held = np.array([VALUES[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, places)])
-        np.testing.assert_allclose(search.values[row, column], np.average(held, axis=0, weights=weight), rtol=2e-3)
+        np.testing.assert_allclose(search.values[row, column], np.average(held, axis=0, weights=soft), rtol=2e-3)
         seen = np.array([picture[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, places)])
+        weight = np.exp(-SHARP * ratio - off / (2 * NARROW**2))
+        np.testing.assert_allclose(sharp[row, column], np.average(seen, axis=0, weights=weight), rtol=2e-3)
         np.testing.assert_allclose(spread[row, column], np.sqrt(seen.var(0).mean()), rtol=1e-4)
-
-
-def test_the_picture_itself_votes_as_its_description_does() -> None:
-    """Twin: the values of the same vote over the described picture, to the bit."""
-    picture = RNG.integers(0, 256, (*HOLE.shape, 3), np.uint8)
-    level = Level(describe_both(picture, HOLE, picture), HOLE, whole_patches(HOLE), LABEL)
-    search = Search(level, np.random.default_rng(0), LEAN)
-    search.found[:] = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))]
-    search.cost[:] = RNG.uniform(1, 9, len(TARGETS))
-    colors = search.vote_sharply(picture)[0]
-    search._paint(SHARP, NARROW, np.ones_like(search.cost))
-    np.testing.assert_array_equal(colors, search.values[HOLE][:, :3])

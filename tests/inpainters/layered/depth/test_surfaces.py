@@ -9,7 +9,6 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import shrink_mask
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
@@ -27,7 +26,7 @@ from dlama.inpainters.layered.kernels import surfaces as kernels
 from dlama.perception.planes import SKY
 from marks import first_quick
 from reference import extension as twin
-from worlds import Box, Plane, World, moved
+from worlds import Plane, moved
 
 SEEDS = first_quick(range(8), 4)
 
@@ -163,24 +162,6 @@ def test_angle_to_the_nearest_sky_that_was_seen() -> None:
     angle = angle_to_far(target, Law(((source, measured),)))
     x = np.degrees(np.arctan((np.arange(41) + 0.5 - 20.5) / 60))
     np.testing.assert_allclose(np.degrees(angle[15]), 30 + x, atol=1e-3)
-
-
-def test_labels_and_depths_behind_a_removed_box() -> None:
-    """Closed form: wall and sky behind a removed box come back with their labels; known pixels keep their own."""
-    camera = Camera.from_fov(96, 72, 60)
-    behind = World((Box((-9, 0, 4), (9, 9, 5)),))
-    world = World((*behind.shapes, Box((-0.3, -0.4, 2), (0.3, 0.5, 2.2))))
-    frame, truth = world.rgbd(camera), behind.trace(camera)[0]
-    source = View.from_rgbd(frame)
-    taken = world.trace(camera)[1] == 1
-    view = source.without(taken, HoleType.OBJECT)
-    context = FillContext.of(Scene((view,), (source.without(~taken, HoleType.NONE),)))
-    surfaces = continue_surfaces(view, context)
-    assert len(surfaces.planes) == 1
-    np.testing.assert_array_equal(surfaces.label[view.far], SKY)
-    sky = np.isposinf(truth)
-    np.testing.assert_array_equal(surfaces.label, np.where(sky, SKY, 1))
-    np.testing.assert_allclose(surfaces.inverse_depth, np.where(sky, 0, 1 / truth), rtol=1e-3)
 
 
 def test_a_plane_seen_nowhere_else_and_pixels_alone() -> None:
