@@ -39,12 +39,20 @@ with open_server("127.0.0.1", 0, None, Limits()) as server:
         assert line.getresponse().read()
     server.shutdown()
 """
+HELP = """
+import contextlib, io
+from dlama.apps.cli import VERBS, main
+for words in ([], *([verb] for verb in VERBS), *(["models", task] for task in ("list", "info", "pull", "convert", "verify"))):
+    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+        main([*words, "--help"])
+"""
 METRICS = ", ".join(f"dlama.evaluation.metrics.{name}" for name in ("pictures", "clouds", "depth", "lpips"))
 LIGHT = (
     {
         "the package": ("import dlama", HEAVY),
         "names of fillers": ("import dlama.inpainters", ("numpy", "cv2", "numba", "onnxruntime")),
-        "the help of verbs": ("import dlama.apps.cli", ("numpy",)),
+        "the command line": ("import dlama.apps.cli", ("numpy",)),
+        "the help of verbs": (HELP, [name for name in HEAVY if name not in ("rich", "tyro")]),
     },
     {
         "cameras, frames, views and scenes, which are numpy alone": (

@@ -142,13 +142,6 @@ def test_this_guard_can_fail() -> None:
         assert where in [line.split(":")[0] for line in hidden_types(without)], name
 
 
-def test_verbs_have_the_names_of_the_command_line() -> None:
-    """view, remove and stereo are the same words in both (oracle: the command line's table)."""
-    from dlama.apps.cli import VERBS
-
-    assert {"view", "remove", "stereo", "batch"} <= set(VERBS) & NAMES
-
-
 def holds_arrays(hint: Any) -> bool:
     """Whether a type is of arrays, or of containers of them."""
     return typing.get_origin(hint) is np.ndarray or any(map(holds_arrays, typing.get_args(hint)))

@@ -203,6 +203,12 @@ def random_camera(rng: np.random.Generator, width: int, height: int) -> Camera:
     return Camera(width, height, focal, fy, cx, cy, pose)
 
 
+def rgbd_of(depth: np.ndarray, camera: Camera | None = None, color: object = 0) -> RGBD:
+    """A frame of that depth (H x W metres) in one colour, or in those of a picture; by default through a lens of 60 degrees."""
+    picture = np.broadcast_to(np.asarray(color, np.uint8), (*depth.shape, 3))
+    return RGBD(picture, np.asarray(depth, np.float32), camera or Camera.from_fov(*depth.shape[::-1], 60))
+
+
 def innermost_pixel(where: np.ndarray) -> tuple[int, int]:
     """x, y of the pixel farthest from where `where` (H x W, not empty) ends: where one clicks on what is seen."""
     distance = cv2.distanceTransform(np.pad(where.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]

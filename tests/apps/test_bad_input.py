@@ -28,40 +28,6 @@ CAMERA = {"width": 64, "height": 48, "fx": 55.4, "fy": 55.4, "cx": 32.0, "cy": 2
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ("--fov 60", "--yaw"),
-        ("--fov 60 --yaw 3 --to target.json", "--to"),
-        ("--yaw 5 --fx -3", "-3 > 0"),
-        ("--yaw 5 --fov 60 --fx 3", "--fov --fx"),
-        ("--yaw 5 --fov 60 --far 0.5", "--far"),
-        ("--yaw 5 --fov 60 --seed 99999999999", "--seed 99999999999"),
-        ("--yaw 5 --fx 1e-200", "fx 1e-200"),
-        ("--yaw 5 --fx 1e300", "fx 1e+300"),
-        ("--yaw 5 --fx 50 --cx 1e300", "cx 1e+300"),
-        ("--yaw 5 --fov 1e-12", "no lens is as narrow"),
-        ("--yaw 5 --fov 60 --dolly 1e300", "--dolly 1e+300"),
-        ("--yaw 5 --fov 60 --pivot 1e300", "--pivot 1e+300"),
-    ],
-)
-def test_bad_options_of_a_view(frame: Path, capsys: pytest.CaptureFixture[str], options: str, words: str) -> None:
-    """The line names what came and what is expected."""
-    line = refused(capsys, frame, "view", *PICTURE, *options.split(), *(() if "--filler" in options else FAST))
-    assert [word for word in words.split() if word not in line] == [], line
-
-
-@pytest.mark.parametrize(
-    ("option", "words"),
-    [(f"--dilate={radius}", f"--dilate {radius}") for radius in (5000, 100_000, 10**12)]
-    + [(f"--mask-class={color}", "--mask-class 255") for color in ("256,0,0", "-1,0,0", "0,0,99999999999999999999")],
-)
-def test_bad_options_of_a_removal(frame: Path, capsys: pytest.CaptureFixture[str], option: str, words: str) -> None:
-    """A dilation over the whole picture used to take minutes or gigabytes; colours of classes are bytes."""
-    line = refused(capsys, frame, *REMOVE, option, *FAST)
-    assert [word for word in words.split() if word not in line] == [], line
-
-
-@pytest.mark.parametrize(
     ("verb", "of_data_set"),
     [("view", False), ("view", True), ("remove", False), ("remove", True), ("depth", False), ("depth", True)],
 )

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from running import error_line
 
 import dlama
 from dlama.apps.cli import main
@@ -76,27 +74,6 @@ def test_a_dry_run_runs_nothing(jobs: str, capsys: pytest.CaptureFixture[str]) -
     assert last[0] == "the first of the others that cannot be run:" and last[1].startswith(
         "  last: view late.jsonl: line 11: filler"
     )
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["batch", "jobs.csv"], "--output is missing"),
-        (["batch", "-o", "out"], "0 lists, --images None and --data None; one list of jobs"),
-        (["batch", "jobs.csv", "--images", "*.png", "-o", "out"], r"1 lists, --images \*.png"),
-        (["batch", "nothing.csv", "-o", "out"], "nothing.csv: cannot be read: no such file or directory"),
-        (["batch", "jobs.csv", "-o", "out", "--gpus-per-worker", "1"], r"--gpus-per-worker is 1.0 without --?ray"),
-        (["batch", "jobs.csv", "-o", "out", "--depths", "x"], "--depths and --masks go with --images"),
-        (["batch", "report"], "batch report is given 0 folders; one is expected"),
-        (["batch", "report", "nowhere"], "nowhere: holds no results of `dlama batch`"),
-    ],
-)
-def test_what_cannot_be_is_one_line(
-    jobs: str, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Exit code 2; nothing is left behind."""
-    assert re.search(message, line := error_line(capsys, *words)), line
-    assert not Path("out").exists()
 
 
 def test_progress_and_ctrl_c(jobs: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

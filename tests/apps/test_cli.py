@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from running import FAST, error_line, pixels, run
+from running import FAST, pixels, run
 
 from box_frame import CAMERA, WORLD
 from dlama.apps.cli import main
@@ -63,18 +63,6 @@ def test_misspelt_option_exits_with_2(capsys: pytest.CaptureFixture[str]) -> Non
         main(["view", "a.png", "b.png", "-o", "out", "--yaww", "3"])
     assert stop.value.code == 2
     assert "--yaww" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "flag"),
-    [
-        (["sequence", "room", "-o", "out", "--mask", "0=a.png", "--mask", "1=b.png"], "--mask"),
-        (["photo3d", "a.png", "-o", "out", "--also", "spz", "--also=usdz"], "--also"),
-    ],
-)
-def test_a_list_that_is_given_twice_is_refused(words: list[str], flag: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The first values would be lost without a word, of lists with commas, too."""
-    assert f"{flag} is given twice; all its values behind one {flag} are expected" in error_line(capsys, *words)
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -59,33 +59,10 @@ def test_remove_from_a_photo_alone(frame: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["depth.png", "--depth-model", "tcmonodepth"], "--depth-model and a depth file contradict each other"),
-        (["depth.png", "--metres-at", "3,4=2"], "--metres-at and a depth file contradict each other"),
-        (["depth.png", "--camera-height", "2"], "--camera-height and a depth file contradict each other"),
-        (["depth.png", "--no-sharpen"], "--no-sharpen and a depth file contradict each other"),
-        (["--depth-scale", "1000"], "--depth-scale is given without a depth file"),
-        (["--resize-depth", "nearest"], "--resize-depth is given without a depth file"),
-        (["--metres-at", "3,4"], "--metres-at is '3,4'; X,Y=D is expected"),
-        (["--metres-at", "3,4=2", "--camera-height", "2"], "--metres-at and --camera-height contradict each other"),
-        (["--depth-model", "midas"], "--depth-model is 'midas'; one of tcmonodepth, "),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_contradictions_get_one_line(
-    frame: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
-) -> None:
-    """One line, nothing written."""
-    assert told in refused(capsys, frame, "view", "image.png", *words, "--fov", 60, "--yaw", 5)
-
-
 def test_a_photo_of_nothing_gets_one_line(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One colour all over."""
     Image.fromarray(np.full((48, 64, 3), 200, np.uint8)).save(frame / "blank.png")
     assert "nearly one colour all over" in refused(capsys, frame, "view", "blank.png", "--fov", 60, "--yaw", 5)
-    assert "3 files follow" in refused(capsys, frame, "remove", "image.png", "depth.png", "mask.png", "mask.png")
 
 
 def test_depth_of_a_photo_as_files(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -35,33 +35,6 @@ def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureF
     assert "found.png: object by rgbd" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        ("mask image.png", "no object is pointed at: give --click X,Y on it, --box X,Y,W,H round it"),
-        ("mask image.png --not 3,3", "--click and --box are both missing"),
-        ("remove image.png", "no object to remove is given"),
-        ("remove image.png depth.png", "the mask not given?"),
-        ("remove image.png depth.png mask.png --mask mask.png", "the mask is given twice"),
-        ("remove image.png depth.png --mask mask.png --click 30,25", "and clicks or a box were both given"),
-        ("remove image.png depth.png mask.png --click 30,25", "one of them is expected"),
-        (
-            "remove image.png depth.png mask.png --candidate part",
-            "--candidate is for clicks and boxes, and a mask file",
-        ),
-        ("remove image.png depth.png --salient --masker segment-anything", "contradict"),
-    ],
-)
-def test_what_points_at_no_object_is_refused(
-    frame: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, words: str, line: str
-) -> None:
-    """Law: one line that names the options, without a warning about a depth that is estimated for nothing."""
-    monkeypatch.chdir(frame)
-    output = Path("found.png" if words.startswith("mask") else "found")
-    assert line in error_line(capsys, *words.split(), "--fov", "60", "-o", str(output))
-    assert not output.exists()
-
-
 def test_a_mask_of_a_photo_alone_warns_of_no_metres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Law: a mask does not change with the scale of estimated depth, nor with an assumed lens, so nothing is said of them."""
     folder = small_frame(tmp_path)

@@ -14,7 +14,6 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from running import error_line
 
 from dlama.apps.terminal.streams import signals_raise
 from dlama.apps.verbs.serve import address_of, serve_until_interrupted
@@ -67,19 +66,6 @@ def test_a_signal_in_the_midst_of_a_connection_ends_the_server(monkeypatch: pyte
             serve_until_interrupted(server)
         call.join(60)
         assert len(taken) == 1 and taken[0] is not threading.main_thread()
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["--port", "99999"], "--port is 99999; 0 to 65535 is expected"),
-        (["--host", "nowhere.invalid", "--token", "x"], "--host is nowhere.invalid, --port is 7860: "),
-        (["--host", "0.0.0.0", "--quiet"], "give --token"),
-    ],
-)
-def test_what_cannot_be_served(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """One line, exit code 2."""
-    assert told in error_line(capsys, "serve", *words)
 
 
 def test_addresses() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.depth_noise import measured_noise, second_differences
+from dlama.geometry.depth_noise import measured_noise
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from marks import first_quick
@@ -80,14 +80,3 @@ def test_noise_of_a_larger_picture_is_as_smooth() -> None:
     color = np.zeros((*large.shape, 3), np.uint8)
     enlarged = View.from_rgbd(RGBD(color, large, Camera.from_fov(*large.shape[::-1], 60)))
     assert measured_noise(enlarged).constant == pytest.approx(2e-3, rel=0.3)  # between pixels, noise is interpolated
-
-
-def test_second_differences_are_those_of_a_parabola() -> None:
-    """Oracle: of x^2 they are reach^2; where one of the three is unknown there is none."""
-    w = np.tile(np.arange(20, dtype=np.float32) ** 2, (2, 1))
-    known = np.ones(w.shape, bool)
-    known[0, 10] = False
-    bends, three = second_differences(w, known, 3)
-    np.testing.assert_array_equal(bends, 9)
-    np.testing.assert_array_equal(np.flatnonzero(~three[0]) + 3, [7, 10, 13])
-    assert three[1].all()

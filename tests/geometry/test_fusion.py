@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
@@ -22,7 +21,8 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
-from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of
+from reference.rasteriser import triangles_of
+from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of, rgbd_of
 
 CAMERA = Camera.from_fov(48, 36, 60, moved(Camera.from_fov(1, 1, 60), (5, 20, -3), (10, -20, 3)).world_from_cam)
 WALL = Plane((0, 0, 4), (0.2, 0, -1))
@@ -82,51 +82,22 @@ def ball_removed() -> tuple[Scene, RGBD, np.ndarray]:
     return fuse(dataclasses.replace(scene, frames=(background,)), filled), frame, taken
 
 
-def joined_quad(joints: tuple[bool, bool, bool, bool], monkeypatch: pytest.MonkeyPatch) -> Mesh:
-    """The mesh of 2 x 2 pixels at 2 m whose (top, left, right, lower) sides are joined as told."""
-    top, left, side, bottom = joints
-    flags = np.array([[top | left << 1, side << 1], [bottom, 0]], np.uint8)
-    view = View.from_rgbd(
-        RGBD(np.zeros((2, 2, 3), np.uint8), np.full((2, 2), 2, np.float32), Camera.from_fov(2, 2, 60))
-    )
-    monkeypatch.setattr(fusion, "mesh_grid", lambda layer: (layer.depth, flags))
-    return layer_mesh(view)
+def begin_at_first(corners: list[int]) -> tuple[int, ...]:
+    """The corners of a triangle in their order, the least number first."""
+    first = corners.index(min(corners))
+    return (*corners[first:], *corners[:first])
 
 
-def covered(corners: list[tuple[int, int, int]], vertices: np.ndarray) -> np.ndarray:
-    """Which of 400 places in the quad lie in one of the triangles (inside, counter-clockwise on the screen)."""
-    u, v = np.meshgrid((np.arange(20) + 0.41) / 20, (np.arange(20) + 0.53) / 20)
-    out = np.zeros(u.shape, bool)
-    for triangle in corners:
-        p = vertices[list(triangle)]
-        sides = [
-            (p[(k + 1) % 3, 0] - p[k, 0]) * (v - p[k, 1]) - (p[(k + 1) % 3, 1] - p[k, 1]) * (u - p[k, 0])
-            for k in range(3)
-        ]
-        out |= (np.array(sides) < 0).all(0)
-    return out
-
-
-@pytest.mark.parametrize(
-    "joints",
-    list(itertools.product((False, True), repeat=4)),
-    ids=lambda j: "".join(name if on else "-" for name, on in zip("tlrb", j)),
-)
-def test_a_quad_is_cut_as_rendering_cuts_it(joints: tuple[bool, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Literal rule of rendering: two triangles where all four sides are joined, else the triangle of each corner whose two
-    sides are; compared by the area covered, all counter-clockwise on the screen."""
-    top, left, side, bottom = joints
-    square = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], float)
-    wanted = [
-        (top and left, (0, 2, 1)),
-        (side and bottom, (1, 2, 3)),
-        (top and side, (0, 3, 1)),
-        (left and bottom, (0, 2, 3)),
-    ]
-    mesh = joined_quad((top, left, side, bottom), monkeypatch)
-    assert len(mesh.vertices) == 4
-    got = covered([tuple(t) for t in mesh.triangles.tolist()], square)
-    np.testing.assert_array_equal(got, covered([corner for on, corner in wanted if on], square))
+def test_quads_are_cut_as_rendering_cuts_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twin of rendering, of random depth and joints; all counter-clockwise in the picture, where the twin's are clockwise."""
+    rng = np.random.default_rng(0)
+    depth, joined = rng.uniform(1, 3, (9, 12)).astype(np.float32), rng.integers(0, 4, (9, 12), np.uint8)
+    joined[rng.random(joined.shape) < 0.6] = 3
+    monkeypatch.setattr(fusion, "mesh_grid", lambda layer: (layer.depth, joined))
+    found = layer_mesh(View.from_rgbd(rgbd_of(depth))).triangles[:, ::-1].tolist()
+    right, down = (joined[:, :-1] & 1) > 0, (joined[:-1] & 2) > 0
+    expected = [[12 * row + column for row, column in one] for one in triangles_of(right, down, 1 / depth)]
+    assert sorted(map(begin_at_first, found)) == sorted(map(begin_at_first, expected))
 
 
 def test_the_mesh_of_a_wall() -> None:
@@ -181,9 +152,5 @@ def test_a_mesh_names_only_vertices_it_has() -> None:
 
 def test_an_empty_mesh_is_a_mesh() -> None:
     """Law: a view of nothing but sky has no vertices and no triangles, and is no error."""
-    view = View.from_rgbd(
-        RGBD(np.zeros((3, 4, 3), np.uint8), np.full((3, 4), np.inf, np.float32), Camera.from_fov(4, 3, 60))
-    )
-    mesh = scene_mesh(Scene((view,)))
-    assert len(mesh.vertices) == len(mesh.triangles) == 0
-    assert len(scene_cloud(Scene((view,)))) == 0
+    scene = Scene((View.from_rgbd(rgbd_of(np.full((3, 4), np.inf))),))
+    assert len(scene_mesh(scene).vertices) == len(scene_mesh(scene).triangles) == len(scene_cloud(scene)) == 0

@@ -10,7 +10,6 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.fusion import fuse, layer_mesh
-from dlama.geometry.kernels.drawing.sampling import spline
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -109,12 +108,3 @@ def test_far_pixels_are_fused_once() -> None:
     scene = fuse(Scene((source,)), filled)
     assert len(scene.layers) == 2 and scene.layers[1].far[5, 7]
     assert fuse(scene, filled) is scene
-
-
-def test_the_spline_passes_through_every_pixel_up_to_the_border() -> None:
-    """Closed form: coefficients mirrored at the border, weighted 1/6, 4/6, 1/6 both ways, give the colours back."""
-    color = np.random.default_rng(0).integers(0, 256, (9, 12, 3), np.uint8)
-    knots = np.pad(spline(color)[:-1].reshape(color.shape).astype(np.float64), ((1, 1), (1, 1), (0, 0)), mode="reflect")
-    rows = (knots[:-2] + 4 * knots[1:-1] + knots[2:]) / 6
-    back = (rows[:, :-2] + 4 * rows[:, 1:-1] + rows[:, 2:]) / 6
-    assert np.abs(back - color).max() < 0.5

@@ -1,30 +1,26 @@
-"""The visibility law: its checker and its projection against a march along the ray, and every filler on random scenes."""
+"""The visibility law: its checker and its projection against a march along the ray."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, violations
-from dlama.inpainters import FILLERS, find_filler
+from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from reference import law as twin
 from worlds import moved, points_of, random_camera
 
 SEEDS = range(10)
-WITHOUT_NETWORK = sorted(name for name, record in FILLERS.items() if not record.needs_model)
 FINE = twin.STEP + 1e-6
 """The march stops up to one step, and float32 rounding, after the first lawful depth."""
 
@@ -122,20 +118,28 @@ def two_frames(seed: int) -> tuple[tuple[RGBD, RGBD], Camera, np.ndarray, np.nda
     return (one, two), target, *proposal(rng, target)
 
 
-def test_projection_onto_two_laws_keeps_both() -> None:
-    """Twin: two source cameras, whose laws push each other's pixels; each is checked alone, on five pairs."""
-    pushed = 0
-    for seed in range(5):
+def test_projection_onto_two_laws_keeps_both_and_gives_nothing_up() -> None:
+    """Twin: two source cameras, whose laws push pixels to and fro. Each is kept; what marches under one and the other
+    in turn find at a finite depth is never given up as sky."""
+    turns, compared = 0, 0
+    for seed in range(3):
         frames, target, depth, where = two_frames(seed)
         law = Law.of(Scene(tuple(map(View.from_rgbd, frames))))
         assert len(law.measured) == 2
         out, moved_pixels = law.project(target, depth, where)
-        assert (out >= depth).all()
         for frame in frames:
             still, unsure = twin.broken(target, out, where, frame.camera, frame.depth)
             assert not (still & ~unsure).any()
-        pushed += moved_pixels.sum()
-    assert pushed > 100
+        for row, column in zip(*np.nonzero(moved_pixels)):
+            at, before, rounds = float(depth[row, column]), 0.0, 0
+            while before != at < np.inf:
+                before, rounds = at, rounds + 1
+                for frame in frames:
+                    at = twin.march(target, row, column, at, frame.camera, frame.depth)[1] if at < np.inf else at
+            if at < np.inf:
+                assert depth[row, column] <= out[row, column] <= at * 1.01
+                turns, compared = max(turns, rounds), compared + 1
+    assert compared > 50 and turns > 2
 
 
 def test_in_the_source_camera_the_law_is_the_measured_depth() -> None:
@@ -150,25 +154,6 @@ def test_in_the_source_camera_the_law_is_the_measured_depth() -> None:
     out, moved_pixels = law.project(camera, proposed, where)
     np.testing.assert_allclose(out[0], [2, 1.999, 3, 0.5, 0.4995, np.inf, np.inf, 0.1], rtol=1e-6)
     np.testing.assert_array_equal(moved_pixels[0], [1, 0, 0, 1, 0, 1, 0, 0])
-
-
-def test_two_laws_send_a_point_to_and_fro_until_both_are_kept() -> None:
-    """Twin: marches under one law and the other in turn. What they find at a finite depth is never given up as sky."""
-    turns, compared = 0, 0
-    for seed in range(3):
-        frames, target, depth, where = two_frames(seed)
-        law = Law(tuple((frame.camera, frame.depth) for frame in frames))
-        out, _ = law.project(target, depth, where)
-        for row, column in zip(*np.nonzero(law.violations(target, depth, where))):
-            at, before, rounds = float(depth[row, column]), 0.0, 0
-            while before != at < np.inf:
-                before, rounds = at, rounds + 1
-                for frame in frames:
-                    at = twin.march(target, row, column, at, frame.camera, frame.depth)[1] if at < np.inf else at
-            if at < np.inf:
-                assert out[row, column] <= at * 1.01
-                turns, compared = max(turns, rounds), compared + 1
-    assert compared > 50 and turns > 2
 
 
 def test_what_still_breaks_the_law_after_the_last_round_is_far(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -213,26 +198,3 @@ def test_a_scene_lays_down_what_was_measured_and_what_was_taken_out() -> None:
     law = Law.of(Scene((background,), (thing,), (filled.without(~filled.filled, HoleType.NONE),)))
     assert len(law.measured) == 1
     np.testing.assert_array_equal(law.measured[0][1], frame.depth)
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from(WITHOUT_NETWORK), st.booleans())
-def test_every_filler_keeps_the_law_on_random_scenes(seed: int, name: str, remove_block: bool) -> None:
-    """Law, by the checker and by its twin; and known pixels stay bit for bit. Also from a reduced cloud (object out)."""
-    rng = np.random.default_rng(seed)
-    frame = random_frame(rng)
-    scene = Scene((View.from_rgbd(frame),))
-    if remove_block:
-        taken = np.zeros(frame.camera.hw, bool)
-        taken[2:6, 3:8] = True
-        source = View.from_rgbd(frame)
-        scene = Scene((source.without(taken, HoleType.OBJECT),), (source.without(~taken, HoleType.NONE),))
-    law = Law.of(scene)
-    view = render(scene, beside(rng, frame.camera))
-    filled, report = inpaint(view, find_filler(name), FillContext.of(scene), seed % 5)
-    np.testing.assert_array_equal(filled.color[~view.hole], view.color[~view.hole])
-    np.testing.assert_array_equal(filled.depth[~view.hole], view.depth[~view.hole])
-    assert report.law_violations == 0
-    assert not violations(filled, law).any()
-    wrong, unsure = twin.broken(view.camera, filled.depth, view.hole, frame.camera, frame.depth)
-    assert not (wrong & ~unsure).any()

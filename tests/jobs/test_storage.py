@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import uuid
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,42 +14,81 @@ from small_jobs import FAST, contents, view_rows, write_csv
 from box_frame import small_frame
 from dlama.errors import FileError
 from dlama.jobs.batch import batch
-from dlama.jobs.storage import Output, fetch, file_stamp, folder_of, is_address, open_to_read
+from dlama.jobs.storage import Output, fetch, file_stamp, file_system, folder_of, is_address, open_to_read
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: extra `batch`")
 
 
 @pytest.fixture
-def memory(tmp_path: Path, in_this_process: None) -> Any:
-    """fsspec's memory with a small frame and a list in memory://in."""
+def memory() -> Any:
+    """fsspec's memory, empty."""
     system = fsspec.filesystem("memory")
     system.store.clear()
     system.pseudo_dirs[:] = [""]
-    write_csv(small_frame(tmp_path) / "jobs.csv", view_rows(3))
-    for name in ("image.png", "depth.png", "jobs.csv"):
-        system.pipe_file(f"/in/{name}", (tmp_path / name).read_bytes())
     return system
 
 
-def test_all_of_it_elsewhere(tmp_path: Path, memory: Any) -> None:
-    """List, inputs and results by address: pictures are those of the local run, meta.json names addresses."""
-    results = list(batch("memory://in/jobs.csv", "memory://out", workers=1, **FAST))
-    assert [row.status for row in results] == ["done"] * 3
+@pytest.fixture
+def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A bucket of its own on a server of moto's, which is found by the environment."""
+    s3fs = pytest.importorskip("s3fs", reason="s3fs is not installed")
+    server = pytest.importorskip("moto.server", reason="moto is not installed")
+    running = server.ThreadedMotoServer(port=0, verbose=False)
+    running.start()
+    host, port = running.get_host_and_port()
+    keys = {"AWS_ACCESS_KEY_ID": "one", "AWS_SECRET_ACCESS_KEY": "two", "AWS_DEFAULT_REGION": "us-east-1"}
+    for name, value in {"AWS_ENDPOINT_URL": f"http://{host}:{port}", **keys}.items():
+        monkeypatch.setenv(name, value)
+    s3fs.S3FileSystem.clear_instance_cache()
+    name = f"frames-{uuid.uuid4().hex[:8]}"  # servers in one process share their memory
+    s3fs.S3FileSystem().mkdir(name)
+    yield f"s3://{name}/"
+    s3fs.S3FileSystem.clear_instance_cache()
+    running.stop()
+
+
+@pytest.fixture(
+    params=[
+        "memory",
+        pytest.param("bucket", marks=[pytest.mark.slow, pytest.mark.filterwarnings("ignore")]),  # of moto's own
+    ]
+)
+def root(tmp_path: Path, in_this_process: None, request: pytest.FixtureRequest) -> str:
+    """The address of a store with a small frame and a list in in/."""
+    store = request.getfixturevalue(request.param)
+    found = store if isinstance(store, str) else "memory://"
+    system, _ = file_system(found)
+    write_csv(small_frame(tmp_path) / "jobs.csv", view_rows(3))
+    for name in ("image.png", "depth.png", "jobs.csv"):
+        system.pipe_file(f"{found}in/{name}", (tmp_path / name).read_bytes())
+    return found
+
+
+def test_all_of_it_elsewhere(tmp_path: Path, root: str) -> None:
+    """List, inputs and results by address, also packed in shards: pictures are those of the local run, meta.json names addresses;
+    a second run keeps all of it, until an input changes."""
+    system, _ = file_system(root)
+    jobs = f"{root}in/jobs.csv"
+    results = list(batch(jobs, f"{root}out", workers=1, **FAST))
+    assert [row.status for row in results] == ["done"] * 3, results[0].error
     list(batch(tmp_path / "jobs.csv", tmp_path / "out", workers=1, **FAST))
     local = contents(tmp_path / "out")
-    assert {name.removeprefix("/out/") for name in memory.store if "/v/" in name} == set(local)
+    written = {name.partition("out/")[2]: name for name in system.find(f"{root}out/v")}
+    assert set(written) == set(local)
     for name, content in local.items():
-        if not name.endswith("meta.json"):
-            assert memory.cat_file(f"/out/{name}") == content
-    meta = json.loads(memory.cat_file("/out/v/000/meta.json"))
-    assert meta["inputs"]["image"]["path"] == "memory://in/image.png"
-    table = memory.cat_file("/out/manifest.csv").decode().splitlines()
+        assert name.endswith("meta.json") or system.cat_file(written[name]) == content
+    meta = json.loads(system.cat_file(f"{root}out/v/000/meta.json"))
+    assert meta["inputs"]["image"]["path"] == f"{root}in/image.png"
+    table = system.cat_file(f"{root}out/manifest.csv").decode().splitlines()
     assert [line.split(",")[:2] for line in table[1:]] == [[f"v/{n:03d}", "done"] for n in range(3)]
-    again = list(batch("memory://in/jobs.csv", "memory://out", workers=1, **FAST))
-    assert all(row.kept for row in again)
-    memory.pipe_file("/in/image.png", (tmp_path / "mask.png").read_bytes())
-    again = list(batch("memory://in/jobs.csv", "memory://out", workers=1, **FAST))
-    assert not any(row.kept for row in again)
+    list(batch(jobs, f"{root}packed", workers=1, pack=2, **FAST))
+    names = {name.partition("packed/")[2] for name in system.find(f"{root}packed")}
+    assert {"shards/000000.tar", "shards/000001.tar", "manifest.csv"} < names
+    assert not [name for name in names if name.startswith("staged")]
+    for place, pack in (("out", None), ("packed", 2)):
+        assert all(row.kept for row in batch(jobs, f"{root}{place}", workers=1, pack=pack, **FAST))
+    system.pipe_file(f"{root}in/image.png", (tmp_path / "mask.png").read_bytes())
+    assert not any(row.kept for row in batch(jobs, f"{root}out", workers=1, **FAST))
 
 
 def test_the_marker_comes_last(tmp_path: Path, memory: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,12 +131,12 @@ def test_an_id_that_ends_like_a_shard(tmp_path: Path, memory: Any) -> None:
     assert memory.cat_file("/out/x.tar/meta.json") == b"{}"
 
 
-def test_a_missing_input_is_one_failed_row(memory: Any) -> None:
+def test_a_missing_input_is_one_failed_row(root: str) -> None:
     """With its address."""
-    memory.rm_file("/in/depth.png")
-    results = list(batch("memory://in/jobs.csv", "memory://out", workers=1, **FAST))
+    file_system(root)[0].rm_file(f"{root}in/depth.png")
+    results = list(batch(f"{root}in/jobs.csv", f"{root}out", workers=1, **FAST))
     assert {row.error_kind for row in results} == {"FileError"}
-    assert results[0].error.startswith("memory://in/depth.png: cannot be read")
+    assert results[0].error.startswith(f"{root}in/depth.png: cannot be read")
 
 
 def test_addresses(tmp_path: Path) -> None:

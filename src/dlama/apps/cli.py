@@ -78,29 +78,9 @@ def version() -> None:
     print("\n".join(f"{name} {number}" for name, number in versions().items()))
 
 
-VERBS: dict[str, Callable[..., Any]] = {
-    "view": view,
-    "remove": remove,
-    "mask": mask,
-    "stereo": stereo,
-    "photo3d": photo3d,
-    "sequence": sequence,
-    "video": video,
-    "depth": depth,
-    "batch": batch,
-    "demo": demo,
-    "serve": serve,
-    "doctor": doctor,
-    "show": show,
-    "version": version,
-    "warm-up": warm_up,
-    "models": models,
-    "evaluate": evaluate,
-    "worlds": worlds,
-    "train": train,
-}
-
-
+OF_PICTURES = (view, remove, mask, stereo, photo3d, sequence, video, depth, batch)
+OTHERS = (demo, serve, doctor, show, version, warm_up, models, evaluate, worlds, train)
+VERBS: dict[str, Callable[..., Any]] = {verb.__name__.replace("_", "-"): verb for verb in (*OF_PICTURES, *OTHERS)}
 CONFIG = (OmitArgPrefixes, FlagCreatePairsOff)
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib import import_module
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from dlama.apps.loading import loading
@@ -25,9 +24,7 @@ STAGES = 20
 def command(verb: str, report: Report) -> Iterator[Command]:
     """A command under way: a bar while it lasts, its Result at the end."""
     with report_result(verb, report) as result, stages_bar(verb, STAGES, report):
-        if READING not in sys.modules:
-            with loading():
-                import_module(READING)
-        from dlama.apps.reading import Command
+        with nullcontext() if READING in sys.modules else loading():
+            from dlama.apps.reading import Command
 
         yield Command(result=result)

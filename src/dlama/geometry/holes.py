@@ -43,9 +43,7 @@ def _dilate_by_distance(mask: BoolArray, radius: int) -> BoolArray:
 
 def erode_mask(mask: BoolArray, radius: int) -> BoolArray:
     """The mask shrunk by `radius` pixels (disc); beyond the picture counts as mask."""
-    if radius >= LARGE:
-        return ~_dilate_by_distance(~mask, radius)
-    return mask.copy() if radius == 0 else cv2.erode(mask.astype(np.uint8), disc(radius)) > 0
+    return ~dilate_mask(~mask, radius)
 
 
 def grow_or_shrink(mask: BoolArray, change: int) -> BoolArray:
@@ -65,14 +63,14 @@ def square(side: int) -> np.ndarray:
 
 def morphological_open(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
     """The mask (H x W) without the parts that the kernel (`square`, `disc`) does not fit into: thin ones and small ones."""
-    fits = cv2.erode(mask.astype(np.uint8), kernel, anchor=middle_of(kernel))
-    return cv2.dilate(fits, kernel[::-1, ::-1], anchor=mirrored_middle(kernel)) > 0
+    # undone by the mirrored kernel about its own middle: with one anchor, as OpenCV's opening has it, those of even size move it
+    middle = (kernel.shape[1] - 1) // 2, (kernel.shape[0] - 1) // 2
+    return cv2.dilate(cv2.erode(mask.astype(np.uint8), kernel), kernel[::-1, ::-1], anchor=middle) > 0
 
 
 def morphological_close(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
     """The mask (H x W) with its gaps that the kernel (`square`, `disc`) does not fit into."""
-    reached = cv2.dilate(mask.astype(np.uint8), kernel, anchor=middle_of(kernel))
-    return cv2.erode(reached, kernel[::-1, ::-1], anchor=mirrored_middle(kernel)) > 0
+    return ~morphological_open(~mask, kernel)
 
 
 def dilate_square(mask: BoolArray, side: int) -> BoolArray:
@@ -83,18 +81,6 @@ def dilate_square(mask: BoolArray, side: int) -> BoolArray:
 def erode_square(mask: BoolArray, side: int) -> BoolArray:
     """The mask (H x W) shrunk by a square of `side` pixels; beyond the picture counts as mask."""
     return cv2.erode(mask.view(np.uint8), square(side)) > 0
-
-
-def middle_of(kernel: np.ndarray) -> tuple[int, int]:
-    """Column and row of a kernel's anchor."""
-    return kernel.shape[1] // 2, kernel.shape[0] // 2
-
-
-def mirrored_middle(kernel: np.ndarray) -> tuple[int, int]:
-    """The same in the kernel mirrored, by which what the kernel did is undone: with the anchor of the kernel itself, as OpenCV's
-    own opening has it, kernels of even size move the mask by a pixel."""
-    column, row = middle_of(kernel)
-    return kernel.shape[1] - 1 - column, kernel.shape[0] - 1 - row
 
 
 def regions_touching(where: BoolArray, other: BoolArray) -> BoolArray:

@@ -17,12 +17,13 @@ from dlama.arguments import check_arguments, check_word
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.codes import HoleType
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.gaps import close_gaps
 from dlama.geometry.drawing.grid_mesh import close_grid, find_joints
 from dlama.geometry.drawing.layers import (
     ALL,
+    NO_ERRORS,
     Drawn,
     Grid,
     Surface,
@@ -32,6 +33,7 @@ from dlama.geometry.drawing.layers import (
     draw,
     draw_apart,
     draw_far,
+    draw_points,
     transform_depth,
 )
 from dlama.geometry.drawing.layers import MODES as MODES
@@ -42,8 +44,9 @@ from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import Box, box_around, dilate_mask, fill_with_nearest
 from dlama.geometry.kernels.drawing import hole_types as hole_kernels
 from dlama.geometry.kernels.drawing.rasterize import NEAR
+from dlama.geometry.kernels.drawing.shading import Planes
 from dlama.geometry.kernels.jit import in_bands, threads
-from dlama.geometry.projection import project_to_pixels
+from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
@@ -185,7 +188,7 @@ def put_fills(
     at_home = drawn.frame is None and any(grid.own_camera for grid in drawn.grids)
     for begin in range(0, len(fills), step):
         some = slice(begin, begin + step)
-        canvases = [Canvas.empty(grid.camera, canvas.errors is not None) for grid in fills[some]]
+        canvases = [Canvas.empty(grid.camera, len(canvas.errors) > 0) for grid in fills[some]]
         draw_apart(fills[some], canvases, [crop_count(count, *box) for box in boxes[some]])
         for grid, one, box, gain in zip(fills[some], canvases, boxes[some], gains[some]):
             if (gain != 1).any():
@@ -276,13 +279,8 @@ def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:
     if mode != "points":
         raise InputError("a bare point cloud has no pixel grid to triangulate; mode 'points' is expected")
     canvas = Canvas.empty(camera)
-    row, column, z, inside = project_to_pixels(cloud.points, camera)
-    chosen = np.flatnonzero(inside & (z > NEAR))
-    chosen = chosen[np.argsort(-z[chosen], kind="stable")]  # far to near: the last writer is the nearest
-    row, column = row[chosen], column[chosen]
-    canvas.color[row, column] = cloud.color[chosen]
-    canvas.depth[row, column] = z[chosen]
-    origin = cloud.origin[chosen]
-    canvas.origin[row, column] = np.where(origin == Origin.MEASURED.value, np.uint8(Origin.REPROJECTED), origin)
-    canvas.confidence[row, column] = cloud.confidence[chosen]
+    (x, y), z = (part.T for part in project(cloud.points, camera))
+    w = np.divide(1, z, out=np.zeros(len(z), np.float32), where=z > NEAR, casting="same_kind")
+    points = Planes(cloud.color, z.astype(np.float32), cloud.origin, cloud.confidence, NO_ERRORS)
+    draw_points(points, x, y, w, canvas)
     return Drawn(canvas, []).view(camera)

@@ -66,16 +66,8 @@ def run_jobs(
 ) -> Iterator[JobResult]:
     """Every job's result. InputError: two of one id, before anything runs where the jobs can be read twice. OutputError."""
     _remove_drafts(settings.output)
-    with Manifest(settings.output) as manifest:
-        total = None
-        if can_be_read_twice:
-            try:
-                for number, job in enumerate(source):
-                    manifest.plan(number, job.id, job.where)
-            except BaseException:
-                manifest.leave_nothing()
-                raise
-            total = manifest.planned
+    with Manifest(settings.output, source if can_be_read_twice else ()) as manifest:
+        total = manifest.planned if can_be_read_twice else None
         workers = start()
         try:
             yield from _Run(iter(source), settings, manifest, workers, total).results()
@@ -178,7 +170,7 @@ class _Run:
         """The task of a job; None: it was done by an earlier run, or cannot be run."""
         number, self.begun = self.begun, self.begun + 1
         if self.total is None:
-            self.manifest.plan(number, job.id, job.where)
+            self.manifest.plan(number, job)
         kept = self.manifest.find_done(job) if self.settings.resume and not job.error else None
         if kept is None and not job.error:
             return Task(job, self.settings.output, STAGED if self.packer else "", number=number)

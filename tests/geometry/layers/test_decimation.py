@@ -18,7 +18,6 @@ from dlama.geometry.layers.decimation import DecimatedMesh, decimate
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
-from dlama.worlds.dataset import world as generated
 from marks import first_quick
 from worlds import Box, Plane, Sphere, World, moved
 
@@ -155,13 +154,6 @@ def test_rough_ground(seed: int) -> None:
     check(view, decimate(view))
 
 
-def test_a_world_of_the_package() -> None:
-    """The same of a generated scene with curved and thin objects, as its ray caster sees it."""
-    world = generated(3)
-    view = View.from_rgbd(world.frame(world.camera(10, 64)))
-    check(view, decimate(view))
-
-
 def test_estimated_depth_takes_fewer_triangles() -> None:
     """The same within 0.5 %, which 0.1 % does not allow."""
     view = seen(HOLLOW, 120, 90)
@@ -188,12 +180,6 @@ def test_noisy_depth_takes_fewer_triangles_and_is_no_worse() -> None:
     depth = surface_under(found.mesh, exact.camera)
     missed = 1 / depth[depth > 0] - 1 / exact.depth[depth > 0]
     assert np.sqrt((missed**2).mean()) < sigma
-
-
-def test_noise_of_less_than_the_tolerance_changes_nothing() -> None:
-    """Oracle: the mesh within a share of the depth alone; noise as small as that is none."""
-    view = with_noise(seen(ROOM, 160, 120), 1e-6, 0)
-    np.testing.assert_array_equal(decimate(view).mesh.triangles, decimate(view, 0.001).mesh.triangles)
 
 
 def test_flat_is_few() -> None:

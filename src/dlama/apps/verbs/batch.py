@@ -128,19 +128,13 @@ def batch(
         check_folder_apart(output, {"folder of frames": which.data, "list of jobs": listed})
         options = {name: value for name, value in vars(running).items() if name != "dry_run"}
         options |= {} if which.data else given  # a data set's jobs have theirs
-        totals = run_jobs(jobs, output, which.verb, options, report)
+        totals = Totals()
+        with show_progress(report, totals) as progress:
+            for row in dlama.batch(jobs, output, verb=which.verb, progress=progress, **options):
+                totals.add(row)
         result.add("\n".join(totals.lines(str(output))), **totals.values(str(output)))
     if totals.failed:
         raise SystemExit(FAILED)
-
-
-def run_jobs(jobs: Any, output: Path, verb: str | None, options: dict[str, Any], report: Report) -> Totals:
-    """The jobs, done under a bar; how many ended how. verb: of jobs that name none; options: of `dlama.batch`."""
-    totals = Totals()
-    with show_progress(report, totals) as progress:
-        for row in dlama.batch(jobs, output, verb=verb, progress=progress, **options):
-            totals.add(row)
-    return totals
 
 
 def write_page(words: Sequence[str], report: Report) -> None:

@@ -2,55 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import DEPTH_FROM_OTHERS, LARGEST_CONFIDENCE, Origin, from_source, has_code
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, brighten, paste
+from dlama.geometry.kernels.drawing.shading import Planes
+from dlama.geometry.rgbd import BoolArray, brighten, paste
 from dlama.geometry.view import View
 
 BEHIND = 0.005
 """Relative difference in depth from which one of two canvases is behind the other."""
 
 
-@dataclass
-class Canvas:
+class Canvas(Planes):
     """Pixels drawn so far; depth 0 = empty."""
-
-    color: UInt8Array
-    """H x W x 3, RGB."""
-    depth: Float32Array
-    """H x W, planar z in metres; 0 = empty, +inf = far."""
-    origin: UInt8Array
-    """H x W, Origin codes."""
-    confidence: Float32Array
-    """H x W, in 0..1."""
-    errors: Float32Array | None = None
-    """H x W x 2, as `View.errors`; None: they are not drawn."""
 
     @classmethod
     def empty(cls, camera: Camera, errors: bool = False) -> Canvas:
         """A canvas of the camera's size on which nothing is drawn; `errors`: expected errors are drawn, too."""
         hw = camera.hw
-        planes = (
+        return cls(
             np.zeros((*hw, 3), np.uint8),
             np.zeros(hw, np.float32),
             np.zeros(hw, np.uint8),
             np.zeros(hw, np.float32),
+            np.zeros((*hw, 2) if errors else (0, 0, 2), np.float32),
         )
-        return cls(*planes, np.zeros((*hw, 2), np.float32) if errors else None)
-
-    def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
-        """Colour, depth, origin and confidence."""
-        return self.color, self.depth, self.origin, self.confidence
 
     def cropped(self, rows: slice, columns: slice) -> Canvas:
         """A part of it: what is drawn there is drawn here."""
-        color, depth, origin, confidence = self.buffers()
-        box, errors = (rows, columns), self.errors
-        return Canvas(color[box], depth[box], origin[box], confidence[box], None if errors is None else errors[box])
+        return Canvas._make(plane[rows, columns] for plane in self)
 
     def put(self, other: Canvas, over_measured: bool, at_home: bool) -> None:
         """Draw another canvas over this one where this is empty or behind by more than BEHIND.
@@ -71,7 +52,7 @@ class Canvas:
         paste(other.depth, where, self.depth)
         paste(other.origin, where, self.origin)
         paste(other.confidence, where, self.confidence)
-        if self.errors is not None and other.errors is not None:
+        if len(self.errors) and other.errors is not None and len(other.errors):
             paste(other.errors, where, self.errors)
 
     def keep_colors(self, own: View) -> None:
@@ -83,7 +64,7 @@ class Canvas:
         paste(own.color, colored, self.color)
         self.origin[colored] = Origin.DEPTH_FILLED
         np.minimum(self.confidence, np.float32(LARGEST_CONFIDENCE), out=self.confidence, where=colored)
-        if self.errors is not None:
+        if len(self.errors):
             self.errors[colored, 1] = 0
 
     def brighten_where(self, where: BoolArray, gain: Float64Array) -> None:

@@ -102,6 +102,6 @@ def join(canvas: Canvas, inverse: Float32Array, empty: NDArray[np.intp], ends: E
     canvas.origin.reshape(-1)[empty] = Origin.FILLED
     confidence = canvas.confidence.reshape(-1)
     confidence[empty] = np.float32(factor) * np.minimum(confidence[before], confidence[after])
-    if canvas.errors is not None:
+    if len(canvas.errors):
         errors = canvas.errors.reshape(-1, 2)
         errors[empty] = np.maximum(errors[before], errors[after])

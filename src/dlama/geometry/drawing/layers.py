@@ -31,6 +31,10 @@ MODES: tuple[Mode, ...] = ("surface", "points")
 
 ALL = np.zeros((0, 0), np.int32)
 """Instead of a table of the pixels that count (`count_wanted`): all do."""
+LARGEST = np.uint64(2**32 - 1)
+"""The largest number in half of a 64-bit one."""
+NO_ERRORS = freeze(np.zeros((0, 0, 2), np.float32))
+"""Instead of `View.errors` where there are none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +100,12 @@ class Grid:
         """Of the colours' splines; none where not fine."""
         return self.surface.knots if self.fine else np.empty(0, np.float32)
 
-    def pixels(self, canvas: Canvas) -> tuple[shading.Planes, shading.Planes]:
-        """Those of the layer and of the canvas, for kernels: expected errors without rows unless both have some."""
-        layer, errors, own = self.layer, self.layer.errors, canvas.errors
-        if errors is None or own is None:
-            errors, own = freeze(np.empty((0, 0, 2), np.float32)), np.empty((0, 0, 2), np.float32)
-        source = shading.Planes(layer.color, layer.depth, layer.origin, layer.confidence, errors)
-        return source, shading.Planes(*canvas.buffers(), own)
+    @property
+    def pixels(self) -> shading.Planes:
+        """Those of the layer, for kernels."""
+        layer = self.layer
+        errors = NO_ERRORS if layer.errors is None else layer.errors
+        return shading.Planes(layer.color, layer.depth, layer.origin, layer.confidence, errors)
 
 
 class Drawn(NamedTuple):
@@ -121,12 +124,13 @@ class Drawn(NamedTuple):
         canvas, frame = self.canvas, self.frame
         if self.own is not None:
             canvas.keep_colors(self.own)
-        color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
+        color, depth, origin, confidence, errors = (freeze(plane) for plane in canvas)
         frame = None if frame is None else freeze(frame * np.uint16(origin != Origin.FILLED.value))
-        errors = None if canvas.errors is None else freeze(canvas.errors)
         hole = freeze(depth == 0)
         types = hole * np.uint8(HoleType.OUT_OF_VIEW) if hole_type is None else hole_type
-        return View(camera, color, depth, hole, freeze(types), origin, confidence, frame, errors)
+        return View(
+            camera, color, depth, hole, freeze(types), origin, confidence, frame, errors if len(errors) else None
+        )
 
 
 def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:
@@ -173,19 +177,34 @@ def draw_apart(
 
 def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
-    layer, (rows, columns) = grid.layer, canvas.depth.shape
-    height, width = layer.camera.hw
-    nearest, place, room = np.zeros(rows * columns, np.uint64), np.empty(width, np.int32), empty_vertices(1, width)
-    in_bands(raster.draw_points, height, grid.surface.mesh[0], grid.way, room, place, nearest, columns, band=height)
-    source, out = grid.pixels(canvas)
-    in_a_row = source._replace(
-        color=source.color.reshape(-1, 3), origin=source.origin.ravel(), confidence=source.confidence.ravel()
+    x, y, w, _ = (plane.ravel() for plane in transform_depth(grid.surface.mesh[0], grid.way))
+    depth = np.divide(np.float32(1), w, out=np.zeros_like(w), where=w > 0)
+    color, _, origin, confidence, errors = grid.pixels
+    points = shading.Planes(color.reshape(-1, 3), depth, origin.ravel(), confidence.ravel(), errors.reshape(-1, 2))
+    draw_points(points, x, y, w, canvas)
+
+
+def draw_points(points: shading.Planes, x: np.ndarray, y: np.ndarray, w: Float32Array, canvas: Canvas) -> None:
+    """Points (planes of N, not H x W) onto the pixel that each falls on, where it is the nearest (the paper's P', eq. 2).
+
+    x, y: N px; w: N inverse depths (1/m), 0 = nothing, or not in front: x and y may be anything there.
+    """
+    height, width = canvas.depth.shape
+    number = np.flatnonzero((w > 0) & (x >= 0) & (y >= 0) & (x < width) & (y < height))
+    place = y[number].astype(np.intp) * width + x[number].astype(np.intp)
+    # one number for inverse depth and point, larger where nearer, or as near and earlier
+    nearest = np.zeros(height * width, np.uint64)
+    np.maximum.at(
+        nearest, place, w[number].view(np.uint32).astype(np.uint64) << 32 | LARGEST - number.astype(np.uint64)
     )
-    nearest = nearest.reshape(rows, columns)
-    in_bands(shading.shade_points, rows, nearest, in_a_row, out, band=light_band(columns))
-    if len(out.errors):
-        drawn = nearest > 0
-        out.errors[drawn] = source.errors[np.divmod(raster.LARGEST - (nearest[drawn] & raster.LARGEST), width)]
+    at = np.flatnonzero(nearest)
+    shown, (row, column) = (LARGEST - (nearest[at] & LARGEST)).astype(np.intp), np.divmod(at, width)
+    measured = points.origin[shown] == Origin.MEASURED.value
+    canvas.color[row, column], canvas.depth[row, column] = points.color[shown], points.depth[shown]
+    canvas.origin[row, column] = np.where(measured, np.uint8(Origin.REPROJECTED), points.origin[shown])
+    canvas.confidence[row, column] = points.confidence[shown]
+    if len(canvas.errors) and len(points.errors):
+        canvas.errors[row, column] = points.errors[shown]
 
 
 def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32]) -> None:
@@ -195,7 +214,7 @@ def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32]) -> Non
     drawn = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     colors = MeshColors(joined, smooth, layer.color, grid.knots)
-    in_bands(shading.shade_surface, rows, drawn, colors, grid.fine, *grid.pixels(canvas))
+    in_bands(shading.shade_surface, rows, drawn, colors, grid.fine, grid.pixels, canvas)
 
 
 def rasterize_surface(
@@ -227,16 +246,8 @@ def draw_far(grid: Grid, canvas: Canvas) -> None:
     matrix, _ = px_from_px(layer.camera, camera)
     columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
     spans = far_spans(matrix, (columns[0], columns[-1]), (rows[0], rows[-1]), camera.hw)
-    source, out = grid.pixels(canvas)
-    empty = canvas.depth == 0 if len(out.errors) else None
     sky, band = shading.Sky(far, spans, far_blocks(far, grid.fine)), light_band(camera.width)
-    in_bands(shading.shade_far, camera.height, matrix, sky, grid.knots, source, out, band=band)
-    if empty is not None:
-        drawn = empty & np.isposinf(canvas.depth)
-        row, column = np.nonzero(drawn)
-        x, y, ahead = matrix @ np.stack([column + 0.5, row + 0.5, np.ones(len(row))])
-        rows, columns = (np.clip(part / ahead, 0, n - 1).astype(np.intp) for part, n in zip((y, x), layer.camera.hw))
-        out.errors[drawn] = source.errors[rows, columns]
+    in_bands(shading.shade_far, camera.height, matrix, sky, grid.knots, grid.pixels, canvas, band=band)
 
 
 def far_spans(
@@ -265,15 +276,10 @@ def far_spans(
 
 def transform_depth(depth: Float32Array, way: PixelMap) -> Vertices:
     """Every source pixel (H x W metres) in a target."""
-    vertices = empty_vertices(*depth.shape)
-    in_bands(raster.transform, len(depth), depth, way, vertices, band=light_band(depth.shape[1]))
+    (height, width), (x, y, w) = depth.shape, (np.empty(depth.shape, np.float32) for _ in range(3))
+    vertices = Vertices(x, y, w, np.empty((height, -(-width // CHUNK), 2), np.float32))
+    in_bands(raster.transform, height, depth, way, vertices, band=light_band(width))
     return vertices
-
-
-def empty_vertices(height: int, width: int) -> Vertices:
-    """Of so many rows and columns, to be written."""
-    x, y, w = (np.empty((height, width), np.float32) for _ in range(3))
-    return Vertices(x, y, w, np.empty((height, -(-width // CHUNK), 2), np.float32))
 
 
 def box_room(rows: int) -> NDArray[np.int32]:

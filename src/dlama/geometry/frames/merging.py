@@ -55,7 +55,7 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: b
     if own is not None:
         gains, best[own.valid | own.far] = gains / gains[0], 1
         count = count_wanted(best == 0)
-    drawn = [np.zeros((len(grids), *plane.shape), plane.dtype) for plane in Canvas.empty(camera).buffers()]
+    drawn = [np.zeros((len(grids), *plane.shape), plane.dtype) for plane in Canvas.empty(camera)]
     draw_apart(grids, [Canvas(*planes) for planes in zip(*drawn)], [count] * len(grids), far=True)
     canvas = Canvas.empty(camera, errors)
     _merge_drawn(drawn, grids, canvas, gains, scene.noise, best)
@@ -88,11 +88,10 @@ def _merge_drawn(
         np.array(centers),
         gains,
     )
-    color, depth, origin, confidence = drawn
+    color, depth, origin, confidence, _ = drawn
     frames = kernels.Frames(color, depth, origin, confidence, *taken)
     lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    merged = kernels.Merged(*canvas.buffers(), best)
-    in_bands(kernels.merge, camera.height, frames, lens, np.array(noise), merged)
+    in_bands(kernels.merge, camera.height, frames, lens, np.array(noise), canvas, best)
 
 
 def keep_latest(function: Callable[..., Found]) -> Callable[..., Found]:
@@ -152,7 +151,7 @@ def _open_gaps(canvas: Canvas, best: UInt16Array, own: View, others: Sequence[Vi
         row, column, z, inside = project_to_pixels(points, other.camera)
         through |= inside & (other.known_depth[row, column] > (1 + AGREES) * z)
     gap = v[~through], u[~through]
-    for plane in (*canvas.buffers(), best):
+    for plane in (*canvas[:4], best):
         plane[gap] = 0
 
 
@@ -163,7 +162,7 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     others = ~known & (canvas.depth > 0) & (best > 0)
     between = others & ~colored
     slivers = between & ~morphological_open(between, square(3))  # visible between misaligned edges: left to be filled
-    for plane in (*canvas.buffers(), best):
+    for plane in (*canvas[:4], best):
         plane[slivers] = 0
     others &= best > 0
     canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED.value)] = Origin.ELSEWHERE

@@ -15,7 +15,7 @@ import shutil
 import sqlite3
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO
 
@@ -37,8 +37,11 @@ REMOTE_ROWS, REMOTE_SECONDS = 500, 20.0
 class Manifest:
     """What is known of every job. To be closed; a `with` block does it."""
 
-    def __init__(self, output: Output, *, read_only: bool = False) -> None:
-        """OutputError: the place cannot be written, or another run is writing there."""
+    def __init__(self, output: Output, jobs: Iterable[Job] = (), *, read_only: bool = False) -> None:
+        """jobs: those of a list, which are entered before anything is written.
+
+        InputError: as of `plan`. OutputError: the place cannot be written, or another run is writing there.
+        """
         self.output = output
         self._temporary = tempfile.TemporaryDirectory(prefix="dlama-manifest-")
         self._index = sqlite3.connect(Path(self._temporary.name, "index.sqlite"), isolation_level=None)
@@ -55,6 +58,8 @@ class Manifest:
         self._lock = contextlib.ExitStack()
         self._folder = Path(self._temporary.name, FOLDER) if output.is_remote else Path(output.of(FOLDER))
         try:
+            for number, job in enumerate(jobs):
+                self.plan(number, job)
             if not read_only:
                 self._open()
             self._read_shards()
@@ -68,8 +73,9 @@ class Manifest:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def plan(self, number: int, name: str, where: str) -> None:
+    def plan(self, number: int, job: Job) -> None:
         """Enter a job of the list. InputError: another has its id, or an id that is a folder above or below it."""
+        name, where = job.id, job.where
         try:
             self._index.execute("insert into jobs values (?, ?)", (number, name))
         except sqlite3.IntegrityError:
@@ -152,15 +158,6 @@ class Manifest:
             writer.writerow(CSV_COLUMNS)
             writer.writerows(row.csv_row() for row in self.rows())
         return self.output.of(TABLE)
-
-    def leave_nothing(self) -> None:
-        """Remove the folders that were made for rows, where there are no rows."""
-        if not self.output.is_remote:
-            with contextlib.suppress(OSError):
-                if not any(self._folder.glob("*.jsonl")):
-                    (self._folder / "lock").unlink()
-                self._folder.rmdir()
-                Path(self.output.of("")).rmdir()
 
     def close(self) -> None:
         """Write what is still to be written."""

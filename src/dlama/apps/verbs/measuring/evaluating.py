@@ -111,19 +111,13 @@ def find_models(methods: Methods) -> dict[str, Path]:
     return found
 
 
-def protocol_settings(methods: Methods) -> ProtocolSettings:
-    """Settings of the protocols."""
-    if methods.variants:
-        return ProtocolSettings()
-    return ProtocolSettings(object_dilations=(), mask_changes=(), matched_stereo=False)
-
-
 def measure_methods(
     dataset: str, output: Path, cases: Cases, methods: Methods, report: Report, jobs: int, pictures: bool
 ) -> None:
     """Every method on every case, and the report. InputError, OutputError; SystemExit where some could not be run."""
     with report_result("evaluate", report) as result:
-        chosen, settings, found = all_methods(methods), protocol_settings(methods), open_cases(dataset, cases)
+        without: Any = {} if methods.variants else {"object_dilations": (), "mask_changes": (), "matched_stereo": False}
+        chosen, settings, found = all_methods(methods), ProtocolSettings(**without), open_cases(dataset, cases)
         with show_progress(found.name, report) as progress:
             done = run(
                 found.cases, chosen, PROTOCOLS, settings, output, jobs=jobs, pictures=pictures, progress=progress

@@ -15,7 +15,7 @@ from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.errors import FileError, OutputError
 from dlama.models.cache import directory, target_path
 from dlama.models.records import CATALOGUE, Record, record
-from dlama.models.verify import size_and_sha256, verify
+from dlama.models.verify import sha256_of, verify
 
 Name = Positional[Annotated[str, option("NAME", None)]]
 
@@ -121,7 +121,7 @@ class Convert(Report):
             raise OutputError(f"`output` is {self.output}; a name that ends in .onnx is expected")
         check_file_apart(self.output, {"weights": self.weights}, makes_folder=True)
         source = source_of(self.weights)
-        licence = self.licence or licence_of(*size_and_sha256(source))
+        licence = self.licence or licence_of(sha256_of(source))
         with report_result("models convert", self) as result:
             notes = convert(source, self.output, licence)
             if licence == UNKNOWN:

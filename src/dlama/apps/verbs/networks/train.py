@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
@@ -16,9 +16,6 @@ from dlama.apps.terminal.output import KERNELS, report_result
 from dlama.apps.terminal.streams import printable
 from dlama.errors import InputError, require_extra
 from dlama.workers.progress import log_messages
-
-if TYPE_CHECKING:
-    from dlama.training.loop.train import TrainingResult
 
 LIST = "presets"
 NEEDED = {"torch": "torch", "pytorch-lightning": "pytorch_lightning", "onnx": "onnx"}
@@ -84,23 +81,13 @@ def train(
     require_extra("training a network", "train", NEEDED)
     from dlama.training.loop import train as loop
 
-    with report_result("train", report) as result, log_to_terminal(report):
+    logged = nullcontext() if report.quiet else log_messages(print_note, without=KERNELS)
+    with report_result("train", report) as result, logged:
         done = loop.train(chosen, output, data=data, max_minutes=max_minutes, resume=resume)
         if done.first:
-            line, values = summary(done)
-            result.add(line, **values)
-
-
-def summary(done: TrainingResult) -> tuple[str, dict[str, Any]]:
-    """What a run came to, as one line, and the same JSON-ready."""
-    network = None if done.network is None else str(done.network)
-    line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume continues'}"
-    return line, {"output": str(done.run), "step": done.step, "ended": done.ended, "network": network}
-
-
-def log_to_terminal(report: Report) -> AbstractContextManager[None]:
-    """What training logs, on standard error, unless --quiet."""
-    return nullcontext() if report.quiet else log_messages(print_note, without=KERNELS)
+            network = None if done.network is None else str(done.network)
+            line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume continues'}"
+            result.add(line, output=str(done.run), step=done.step, ended=done.ended, network=network)
 
 
 def print_note(message: str) -> None:

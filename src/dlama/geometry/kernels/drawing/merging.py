@@ -9,6 +9,7 @@ import numpy as np
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import Origin
+from dlama.geometry.kernels.drawing.shading import Planes
 from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.kernels.visibility import ray
 from dlama.geometry.rgbd import Float32Array, UInt8Array, UInt16Array
@@ -54,17 +55,6 @@ class Frames(NamedTuple):
     """K x 4, the frames' centres in the target's axes and their focal lengths."""
     gain: Float64Array
     """K x 3, of their colours."""
-
-
-class Merged(NamedTuple):
-    """The target, H x W; pixels where `best` is set stay out."""
-
-    color: UInt8Array
-    depth: Float32Array
-    origin: UInt8Array
-    confidence: Float32Array
-    best: UInt16Array
-    """1 + the index of the frame with the largest weight, whose origin and confidence the pixel gets; 0 = a hole."""
 
 
 class Seen(NamedTuple):
@@ -154,7 +144,9 @@ def mean_depth(
 
 
 @inlined
-def shade(frames: Frames, row: Whole, column: Whole, seen: Seen, lens: Float64Array, out: Merged) -> None:
+def shade(
+    frames: Frames, row: Whole, column: Whole, seen: Seen, lens: Float64Array, out: Planes, best: UInt16Array
+) -> None:
     """The colour of a surface: the weighted mean of the frames that show it, after their gains."""
     color, gain = frames.color, frames.gain
     red, green, blue, total, most = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -177,24 +169,34 @@ def shade(frames: Frames, row: Whole, column: Whole, seen: Seen, lens: Float64Ar
             total += w
             if w > most:
                 most = w
-                out.best[row, column] = k + 1
+                best[row, column] = k + 1
     out.color[row, column, 0] = np.uint8(min(255.0, red / total + 0.5))
     out.color[row, column, 1] = np.uint8(min(255.0, green / total + 0.5))
     out.color[row, column, 2] = np.uint8(min(255.0, blue / total + 0.5))
 
 
 @kernel
-def merge(first: Whole, last: Whole, frames: Frames, lens: Float64Array, noise: Float64Array, out: Merged) -> None:
+def merge(
+    first: Whole,
+    last: Whole,
+    frames: Frames,
+    lens: Float64Array,
+    noise: Float64Array,
+    out: Planes,
+    best: UInt16Array,
+) -> None:
     """For each pixel the nearest surface that the frames agree on: its mean depth and the colour of the best frames.
 
     A surface is rejected if as many frames saw through it as show it; filled depths, and those of other frames, count only where
-    no measured one is left. lens: fx, fy, cx, cy of the target; noise: of depth, as `tolerance` takes it.
+    no measured one is left. lens: fx, fy, cx, cy of the target; noise: of depth, as `tolerance` takes it. best: H x W,
+    1 + the index of the frame with the largest weight, whose origin and confidence the pixel gets; 0 = a hole; pixels where it is
+    set already stay out.
     """
     for row in range(first, last):
-        for column in range(out.best.shape[1]):
+        for column in range(best.shape[1]):
             for measured in (True, False):
                 behind = 0.0
-                while out.best[row, column] == 0:
+                while best[row, column] == 0:
                     nearest = nearest_behind(frames, row, column, measured, behind)
                     if nearest == 0:
                         break
@@ -210,8 +212,8 @@ def merge(first: Whole, last: Whole, frames: Frames, lens: Float64Array, noise: 
                             behind = limit
                             continue
                     out.depth[row, column] = mean
-                    shade(frames, row, column, Seen(measured, nearest, limit, mean), lens, out)
-                    best = out.best[row, column] - 1
-                    code = frames.origin[best, row, column]
+                    shade(frames, row, column, Seen(measured, nearest, limit, mean), lens, out, best)
+                    of = best[row, column] - 1
+                    code = frames.origin[of, row, column]
                     out.origin[row, column] = REPROJECTED if code == ELSEWHERE else code
-                    out.confidence[row, column] = frames.confidence[best, row, column]
+                    out.confidence[row, column] = frames.confidence[of, row, column]

@@ -23,14 +23,12 @@ from dlama.geometry.kernels.drawing.chunks import (
     marked_within,
     span_chunks,
 )
-from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
+from dlama.geometry.kernels.jit import Whole, inlined, kernel, piece
 from dlama.geometry.projection import PixelMap
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 NEAR = 1e-3
 """Near plane in metres."""
-HALF_WORD, LARGEST = np.uint64(32), np.uint64(2**32 - 1)
-"""Bits of each half of a point (`as_point`), and the largest number that fits."""
 
 
 class ZBuffer(NamedTuple):
@@ -42,78 +40,25 @@ class ZBuffer(NamedTuple):
     """H x W x 2, source column and row (vertex positions, so 0 is the first pixel)."""
 
 
-@piece
-def transform_row(depth: Float32Array, way: PixelMap, row: Whole, to: Whole, out: Vertices) -> None:
-    """One row of vertices (pixel centres at their depth), to row `to` of `out`."""
-    matrix, offset = way.matrix, way.offset
-    v = row + 0.5
-    a = matrix[0, 1] * v + matrix[0, 2]
-    b = matrix[1, 1] * v + matrix[1, 2]
-    c = matrix[2, 1] * v + matrix[2, 2]
-    for column in range(depth.shape[1]):
-        z = depth[row, column]
-        u = column + 0.5
-        ahead = z * (matrix[2, 0] * u + c) + offset[2]
-        seen = 0 < z < np.inf and ahead > NEAR
-        inverse = 1.0 / ahead
-        out.x[to, column] = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
-        out.y[to, column] = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
-        out.w[to, column] = inverse if seen else 0.0
-
-
 @kernel
 def transform(first: Whole, last: Whole, depth: Float32Array, way: PixelMap, out: Vertices) -> None:
-    """Vertices into target pixels and inverse z (eq. 1 of the paper)."""
+    """Vertices (pixel centres at their depth) into target pixels and inverse z (eq. 1 of the paper)."""
+    matrix, offset = way.matrix, way.offset
     for row in range(first, last):
-        transform_row(depth, way, row, row, out)
+        v = row + 0.5
+        a = matrix[0, 1] * v + matrix[0, 2]
+        b = matrix[1, 1] * v + matrix[1, 2]
+        c = matrix[2, 1] * v + matrix[2, 2]
+        for column in range(depth.shape[1]):
+            z = depth[row, column]
+            u = column + 0.5
+            ahead = z * (matrix[2, 0] * u + c) + offset[2]
+            seen = 0 < z < np.inf and ahead > NEAR
+            inverse = 1.0 / ahead
+            out.x[row, column] = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
+            out.y[row, column] = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
+            out.w[row, column] = inverse if seen else 0.0
         span_chunks(out, row)
-
-
-@kernel
-def draw_points(
-    first: Whole,
-    last: Whole,
-    depth: Float32Array,
-    way: PixelMap,
-    room: Vertices,
-    place: NDArray[np.int32],
-    nearest: NDArray[np.uint64],
-    columns: Whole,
-) -> None:
-    """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): what is nearest in each target pixel, as `as_point`.
-
-    nearest: H W zeros; columns: W. room: a row, place: width: for a row of source pixels. All source rows are one
-    band, for they share a z-buffer: those of several bands take longer to allocate than points to draw.
-    """
-    rows = len(nearest) // columns
-    for row in range(first, last):
-        transform_row(depth, way, row, 0, room)
-        for column in range(depth.shape[1]):
-            px, py = room.x[0, column], room.y[0, column]
-            inside = (room.w[0, column] > 0) & (px >= 0) & (py >= 0) & (px < columns) & (py < rows)
-            place[column] = np.int32(py) * np.int32(columns) + np.int32(px) if inside else np.int32(-1)
-        for column in range(depth.shape[1]):
-            if place[column] >= 0:
-                at = np.uint64(place[column])
-                nearest[at] = max(nearest[at], as_point(room.w[0, column], row * depth.shape[1] + column))
-
-
-@piece
-def as_point(inverse: Real, index: Whole) -> np.uint64:
-    """Inverse depth (float32, > 0) and source index as one number: larger where nearer, or as near and earlier."""
-    return (np.uint64(np.float32(inverse).view(np.uint32)) << HALF_WORD) | (LARGEST - np.uint64(index))
-
-
-@piece
-def inverse_of(point: np.uint64) -> np.float32:
-    """Inverse depth of a point (`as_point`); 0 where there is none."""
-    return np.uint32(point >> HALF_WORD).view(np.float32)
-
-
-@piece
-def index_of(point: np.uint64) -> np.uint64:
-    """Source index of a point (`as_point`)."""
-    return LARGEST - (point & LARGEST)
 
 
 @piece

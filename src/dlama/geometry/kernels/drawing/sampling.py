@@ -14,8 +14,10 @@ import numpy as np
 
 from dlama.geometry.kernels.drawing.rasterize import quad_sides
 from dlama.geometry.kernels.jit import Real, Whole, in_bands, inlined, light_band, piece
-from dlama.geometry.kernels.vectors import Four, four_by_four
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+Four = tuple[Real, Real, Real, Real]
+"""Weights of four pixels."""
 
 POLE = math.sqrt(3) - 2
 """Of the cubic B-spline's inverse filter (Unser, Aldroubi, Eden 1993)."""
@@ -29,12 +31,10 @@ RED = np.int64(0)
 
 
 def spline(color: UInt8Array) -> Float32Array:
-    """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour; and a 0, as `vectors` reads one
-    number beyond the last pixel."""
+    """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour."""
     inverse = math.sqrt(3) * POLE ** np.abs(np.arange(-REACH, REACH + 1))
     inverse = (inverse / inverse.sum()).astype(np.float32)
-    flat = np.zeros(color.size + 1, np.float32)
-    knots = flat[:-1].reshape(color.shape)
+    knots = np.empty(color.shape, np.float32)
 
     def filter_rows(first: int, last: int) -> None:
         upper, lower = max(first - REACH, 0), last + REACH
@@ -42,7 +42,7 @@ def spline(color: UInt8Array) -> Float32Array:
         knots[first:last] = rows[first - upper : last - upper]
 
     in_bands(filter_rows, len(color), band=light_band(color.shape[1]))
-    return flat
+    return knots.ravel()
 
 
 def whole_quads(joined: UInt8Array) -> BoolArray:
@@ -85,6 +85,21 @@ def cubic(t: Real) -> Four:
 
 
 @inlined
+def four_in_a_row(knots: Float32Array, at: np.uintp, along: Four) -> Real:
+    """One channel of four pixels, weighted; at: its flat place in the first, unsigned, for that is not checked for its sign."""
+    second, third, last = at + np.uintp(3), at + np.uintp(6), at + np.uintp(9)
+    return along[0] * knots[at] + along[1] * knots[second] + along[2] * knots[third] + along[3] * knots[last]
+
+
+@inlined
+def four_by_four(knots: Float32Array, at: np.uintp, row: np.uintp, along: Four, down: Four) -> Real:
+    """One channel of 4 x 4 pixels, weighted; row: the flat step to the next one."""
+    third = at + row + row
+    upper = down[0] * four_in_a_row(knots, at, along) + down[1] * four_in_a_row(knots, at + row, along)
+    return upper + (down[2] * four_in_a_row(knots, third, along) + down[3] * four_in_a_row(knots, third + row, along))
+
+
+@inlined
 def smooth_color(
     knots: Float32Array, width: Whole, upper: Whole, left: Whole, fu: Real, fv: Real
 ) -> tuple[Real, Real, Real]:
@@ -92,8 +107,14 @@ def smooth_color(
 
     knots: `spline`; width: pixels of its rows.
     """
-    row, first = np.uintp(3 * width), np.uintp(3 * ((upper - 1) * width + left - 1))
-    return four_by_four(knots, first, row, cubic(fu), cubic(fv))
+    row, red = np.uintp(3 * width), np.uintp(3 * ((upper - 1) * width + left - 1))
+    along, down = cubic(fu), cubic(fv)
+    green, blue = red + np.uintp(1), red + np.uintp(2)
+    return (
+        four_by_four(knots, red, row, along, down),
+        four_by_four(knots, green, row, along, down),
+        four_by_four(knots, blue, row, along, down),
+    )
 
 
 @inlined

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import Origin
-from dlama.geometry.kernels.drawing.rasterize import ZBuffer, index_of, inverse_of, quad_sides
+from dlama.geometry.kernels.drawing.rasterize import ZBuffer, quad_sides
 from dlama.geometry.kernels.drawing.sampling import (
     HALF,
     ONE,
@@ -33,12 +33,6 @@ MOST = np.float32(4)
 """Source places along a target pixel's row, and along its column, that are averaged at most."""
 
 
-@piece
-def reprojected_origin(origin: Whole) -> Whole:
-    """The origin of a pixel seen in another view: measured becomes reprojected, everything else stays what it is."""
-    return REPROJECTED if origin == MEASURED else origin
-
-
 class Planes(NamedTuple):
     """The pixels of a layer, or those that are drawn."""
 
@@ -49,7 +43,7 @@ class Planes(NamedTuple):
     origin: UInt8Array
     confidence: Float32Array
     errors: Float32Array
-    """H x W x 2, expected errors; without rows where none are drawn."""
+    """H x W x 2, expected errors; without rows where there are none."""
 
 
 class Sky(NamedTuple):
@@ -73,7 +67,6 @@ def shade_surface(
     Where the source is drawn smaller and `average`: the mean of up to MOST places along a target pixel's row, and as many along
     its column, if all lie in whole quads. They are a source pixel apart at most, so none lies beyond an edge.
     """
-    with_errors = len(source.errors) > 0
     for ty in range(first, last):
         for tx in range(drawn.w.shape[1]):
             w = drawn.w[ty, tx]
@@ -82,11 +75,7 @@ def shade_surface(
             out.depth[ty, tx] = 1.0 / w
             su, sv = drawn.where[ty, tx, 0], drawn.where[ty, tx, 1]
             nearest_row, nearest_column = np.int64(sv + HALF), np.int64(su + HALF)
-            out.origin[ty, tx] = reprojected_origin(source.origin[nearest_row, nearest_column])
-            out.confidence[ty, tx] = source.confidence[nearest_row, nearest_column]
-            if with_errors:
-                for part in range(2):
-                    out.errors[ty, tx, part] = source.errors[nearest_row, nearest_column, part]
+            copy_provenance(source, nearest_row, nearest_column, out, ty, tx)
             red, green, blue, count = ZERO, ZERO, ZERO, ZERO
             if average:
                 red, green, blue, count = sum_shrunk(drawn, ty, tx, colors)
@@ -95,6 +84,17 @@ def shade_surface(
             else:
                 red, green, blue = surface_color(su, sv, colors)
             set_color(out.color, ty, tx, red, green, blue)
+
+
+@inlined
+def copy_provenance(source: Planes, row: Whole, column: Whole, out: Planes, ty: Whole, tx: Whole) -> None:
+    """Origin, confidence and expected errors of a pixel seen in another view: there what was measured is reprojected."""
+    origin = source.origin[row, column]
+    out.origin[ty, tx] = REPROJECTED if origin == MEASURED else origin
+    out.confidence[ty, tx] = source.confidence[row, column]
+    if len(source.errors) > 0 and len(out.errors) > 0:
+        for part in range(2):
+            out.errors[ty, tx, part] = source.errors[row, column, part]
 
 
 @inlined
@@ -156,26 +156,6 @@ def stride(drawn: ZBuffer, ty: Whole, tx: Whole, y: Whole, x: Whole) -> tuple[Re
 
 
 @kernel
-def shade_points(first: Whole, last: Whole, nearest: NDArray[np.uint64], source: Planes, out: Planes) -> None:
-    """Colours of a points drawing: each pixel shows its nearest point as it is.
-
-    nearest: H x W points (`rasterize.as_point`); source: in a row, as their indices count pixels.
-    """
-    for ty in range(first, last):
-        for tx in range(nearest.shape[1]):
-            w = inverse_of(nearest[ty, tx])
-            out.depth[ty, tx] = np.float32(1) / w if w > 0 else np.float32(0)
-        for tx in range(nearest.shape[1]):
-            if nearest[ty, tx] > 0:
-                pixel = index_of(nearest[ty, tx])
-                out.color[ty, tx, 0] = source.color[pixel, 0]
-                out.color[ty, tx, 1] = source.color[pixel, 1]
-                out.color[ty, tx, 2] = source.color[pixel, 2]
-                out.origin[ty, tx] = reprojected_origin(source.origin[pixel])
-                out.confidence[ty, tx] = source.confidence[pixel]
-
-
-@kernel
 def shade_far(
     first: Whole, last: Whole, matrix: Float64Array, sky: Sky, knots: Float32Array, source: Planes, out: Planes
 ) -> None:
@@ -203,8 +183,7 @@ def shade_far(
             if not sky.far[row, column]:
                 continue
             out.depth[ty, tx] = np.inf
-            out.origin[ty, tx] = reprojected_origin(source.origin[row, column])
-            out.confidence[ty, tx] = source.confidence[row, column]
+            copy_provenance(source, row, column, out, ty, tx)
             left, upper = math.floor(su - 0.5), math.floor(sv - 0.5)
             fu, fv = su - 0.5 - left, sv - 0.5 - upper
             if not (0 <= left < width - 1 and 0 <= upper < height - 1) or sky.blocks[upper, left] == 0:
