@@ -82,9 +82,8 @@ class RayWorkers:
                 f"`ray={address}` has no room for a worker: {self.ray.cluster_resources()}; fewer threads or a smaller "
                 "`gpus_per_worker` is expected"
             )
-        self.count = workers or room
         self._workers: list[_Worker] = []
-        for _ in range(self.count):
+        for _ in range(workers or room):
             self._start()
 
     @property
