@@ -148,11 +148,14 @@ def test_yaws_are_asked_for_by_the_names_that_the_report_gives() -> None:
 
 
 def test_the_command_is_repeatable() -> None:
-    """What differs from the defaults, as it was typed."""
-    cases, methods = Cases(("vpi",), yaws=(10.0, 20.0), depth_range=10.0), Methods(fillers=("telea",), variants=False)
+    """What differs from the defaults, as it was typed, to the last digit."""
+    cases, methods = (
+        Cases(("vpi",), yaws=(10.0, 20.0), depth_range=10.0625078),
+        Methods(fillers=("telea",), variants=False),
+    )
     assert command_line("a b", Path("out"), Cases(), Methods()) == "dlama evaluate 'a b' -o out"
     assert command_line("street", Path("out"), cases, methods) == (
-        "dlama evaluate street --protocol vpi --yaws 10 20 --depth-range 10 --fillers telea --no-variants -o out"
+        "dlama evaluate street --protocol vpi --yaws 10 20 --depth-range 10.0625078 --fillers telea --no-variants -o out"
     )
 
 

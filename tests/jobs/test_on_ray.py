@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,6 +21,7 @@ from dlama.jobs import on_ray
 from dlama.jobs.batch import batch
 from dlama.jobs.on_ray import _connect
 from dlama.jobs.results.result import JobResult
+from dlama.workers.pool import WorkerError
 
 with_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed: extra `batch`")
 
@@ -144,3 +146,29 @@ def test_a_cluster_without_nodes_ends_with_the_line_that_resumes(monkeypatch: py
         else:
             workers._wait_for_one(["a"])
             assert workers.ray.looks == 9
+
+
+def test_actors_that_cannot_start_end_the_run() -> None:
+    """Law: on nodes without dlama they were started again and again without a word. One that starts begins the count anew, one
+    that goes with its node does not count."""
+    errors = {"dead": "The actor died: No module named 'dlama'", "lost": "its node has died"}
+
+    class Cluster(Lost):
+        exceptions = SimpleNamespace(RayActorError=RuntimeError)
+
+        def get(self, answer: str) -> str:
+            if answer in errors:
+                raise RuntimeError(errors[answer])
+            return answer
+
+    def receive(*answers: str) -> None:
+        workers = object.__new__(on_ray.RayWorkers)
+        workers.ray, workers._failed_starts = Cluster(set()), 0  # type: ignore[assignment]
+        workers._start = lambda: None  # type: ignore[method-assign]
+        for answer in answers:
+            workers._workers = [on_ray._Worker(None, answer)]
+            assert workers._receive(workers._workers[0]) == []
+
+    receive("dead", "dead", "node", "dead", "dead", "lost", "lost")
+    with pytest.raises(WorkerError, match=r"ray: workers end while they start .*No module named 'dlama'"):
+        receive("dead", "dead", "lost", "dead")

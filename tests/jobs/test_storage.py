@@ -88,7 +88,9 @@ def test_all_of_it_elsewhere(tmp_path: Path, root: str) -> None:
     for place, pack in (("out", None), ("packed", 2)):
         assert all(row.kept for row in batch(jobs, f"{root}{place}", workers=1, pack=pack, **FAST))
     system.pipe_file(f"{root}in/image.png", (tmp_path / "mask.png").read_bytes())
-    assert not any(row.kept for row in batch(jobs, f"{root}out", workers=1, **FAST))
+    assert not any(row.kept for row in batch(jobs, f"{root}out", workers=1, **FAST | {"only": "image"}))
+    left = [name.partition("v/000/")[2] for name in system.find(f"{root}out/v/000")]
+    assert sorted(left) == ["image.png", "meta.json"]
 
 
 def test_the_marker_comes_last(tmp_path: Path, memory: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from dlama.apps.model_files import model_for
 from dlama.completion.options import Options, options_in
 from dlama.errors import InputError
 from dlama.jobs import options as groups
-from dlama.jobs.parameters import MASKING, is_pointed
+from dlama.jobs.parameters import MASKING, is_pointed, typed
 
 
 def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
@@ -42,8 +42,7 @@ Output = Annotated[Path, option("DIR", None, aliases=["-o"])]
 
 def typed_words(value: Any) -> list[str]:
     """A value as it would be typed, or each of a list."""
-    parts = value if isinstance(value, (list, tuple)) else (value,)
-    return [f"{one:g}" if isinstance(one, float) else str(one) for one in parts]
+    return list(map(typed, value if isinstance(value, (list, tuple)) else (value,)))
 
 
 T = TypeVar("T")

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dlama.errors import DlamaError, InputError, first_line, import_extra
-from dlama.workers.pool import OUT_OF_MEMORY, TaskEnd
+from dlama.workers.pool import OUT_OF_MEMORY, STARTS, TaskEnd, WorkerError
 from dlama.workers.threads import limit_threads
 
 NODE_SECONDS = 30.0
@@ -24,6 +24,8 @@ LOOK_SECONDS = 5.0
 """How often it is looked whether there are nodes, while nothing is answered."""
 BACK_SECONDS = 120.0
 """How long a cluster without any node that can run a worker is waited for."""
+NODE_DIED = "node has died"
+"""What Ray says of an actor that went with its node."""
 
 
 class _Actor:
@@ -83,6 +85,7 @@ class RayWorkers:
                 "`gpus_per_worker` is expected"
             )
         self._workers: list[_Worker] = []
+        self._failed_starts = 0
         for _ in range(workers or room):
             self._start()
 
@@ -136,22 +139,26 @@ class RayWorkers:
         self._workers.append(_Worker(handle, handle.node.remote()))
 
     def _receive(self, worker: _Worker) -> list[TaskEnd]:
-        """The answer of an actor; where it has died, its task is to blame unless the whole node has died."""
+        """The answer of an actor; where it has died, its task is to blame unless the whole node has died. WorkerError: actors
+        cannot start, as on nodes without dlama."""
         was_ready, node = bool(worker.node), worker.node
         try:
             answer = self.ray.get(worker.answer)
         except self.ray.exceptions.RayActorError as error:
             self._workers.remove(worker)
+            self._failed_starts += not was_ready and NODE_DIED not in str(error)
+            if self._failed_starts >= STARTS:
+                raise WorkerError(f"ray: workers end while they start ({' '.join(str(error).split())})") from error
             self._start()
             blameless = self._node_died(node, str(error))
             how = "its node died" if blameless else first_line(error)
             return [TaskEnd(worker.task, died=how, blameless=blameless)] if was_ready else []
-        worker.node, worker.answer = node or answer, None
+        worker.node, worker.answer, self._failed_starts = node or answer, None, 0
         return [TaskEnd(worker.task, answer)] if was_ready else []
 
     def _node_died(self, node: str, message: str) -> bool:
         """Ask the node itself: its cluster may take long to notice that it has died with its actors."""
-        if not node or "node has died" in message:
+        if not node or NODE_DIED in message:
             return True
         there = self.ray.util.scheduling_strategies.NodeAffinitySchedulingStrategy(node, soft=False)
         asked = self.ray.remote(_answer).options(num_cpus=0, max_retries=0, scheduling_strategy=there).remote()

@@ -235,6 +235,11 @@ def _check_object(found: Mapping[str, Any]) -> None:
         raise InputError(f"a mask file ({found['mask']}) and clicks or a box were both given; one of them is expected")
 
 
+def typed(value: Any) -> str:
+    """A number, to its last digit, or a name, as it is typed."""
+    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
 def is_pointed(given: Mapping[str, Any]) -> bool:
     """Whether these options say which object is meant."""
     words = ("click", "not_click", "box", "salient", "object_class")

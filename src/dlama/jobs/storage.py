@@ -172,10 +172,10 @@ class Output:
                 _swap(folder, Path(target))
 
     def _upload(self, folder: Path, name: str) -> None:
-        """The marker of an earlier result goes first, that of the new one comes last."""
+        """An earlier result goes, its marker first; the marker of the new one comes last."""
         system, inside = file_system(self.of(name))
-        if self.exists(f"{name}/{MARKER}"):
-            self.remove(f"{name}/{MARKER}")
+        for file in sorted(self.names(name), key=lambda file: file != MARKER):
+            self.remove(f"{name}/{file}")
         for file in sorted(_files_below(folder), key=lambda file: file == MARKER):
             place = f"{inside}/{file}"
             system.makedirs(place.rpartition("/")[0], exist_ok=True)

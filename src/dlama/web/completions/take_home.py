@@ -17,7 +17,7 @@ from dlama.files.rasters.masks import write_mask
 from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.scenes.photo3d_page import photo3d_page
 from dlama.jobs.options import Pointing
-from dlama.jobs.parameters import ESTIMATING, LENS, METHOD, MOVE, POINTING, READING
+from dlama.jobs.parameters import ESTIMATING, LENS, METHOD, MOVE, POINTING, READING, typed
 from dlama.web.answers import PageError, hide_paths
 from dlama.web.inputs import Source, names_of
 from dlama.web.marks import pointing
@@ -80,16 +80,11 @@ def command(result: Result) -> list[str]:
 def format_values(name: str, value: Any) -> list[str]:
     """A parameter's value as it is typed, word by word."""
     if name == "metres_at":
-        return [f"{x:g},{y:g}={metres:g}" for x, y, metres in value]
+        return [f"{typed(x)},{typed(y)}={typed(metres)}" for x, y, metres in value]
     if value is True:
         return []
     lists = value if name in OF_JOBS.values() else (value,)
-    return [",".join(map(format_value, one)) if isinstance(one, (tuple, list)) else format_value(one) for one in lists]
-
-
-def format_value(value: Any) -> str:
-    """A number or a name as it is typed."""
-    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+    return [",".join(map(typed, one)) if isinstance(one, (tuple, list)) else typed(one) for one in lists]
 
 
 def python_lines(result: Result) -> str:
