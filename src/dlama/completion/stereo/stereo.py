@@ -181,7 +181,7 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Ster
     if pair.masks is not None:
         right_before = right_before.without(dilate_mask(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
     lawful = with_object_depth(scene, pair.object_depth)
-    own = filler_beside(filler, right_before, recipe, left=True)
+    own = filler_next_to(filler, right_before, recipe, left=True)
     plan = dataclasses.replace(draft, inpainter=own, measured=lawful)
     both = dataclasses.replace(lawful, fills=(right_before,))  # what the right picture measured counts for the law too
     context = dataclasses.replace(draft, measured=both).context
@@ -205,7 +205,7 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Ster
         shown = apply_gain(render(scene, pair.rig.right, recipe.mode, types=False, close=False), 1 / gain)
     known, moved = close_holes(context.law, right_before, shown, measured=True)
     with clock("fill"):
-        right, right_fill = inpaint(known, filler_beside(filler, left, recipe, left=False), context, plan.seed)
+        right, right_fill = inpaint(known, filler_next_to(filler, left, recipe, left=False), context, plan.seed)
     with clock("fuse"):
         if pair.masks is None:
             scene = add_seen_alone(scene, apply_gain(right, gain), context.law, recipe.mode)
@@ -233,7 +233,7 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> StereoComp
     """The left view completed, and the right one made from it; of the right picture only the disparity is used."""
     source, recipe, filler = pair.left, draft.recipe, draft.inpainter
     scene = measured = scene_of(source, recipe.clip)
-    own = filler_beside(filler, View.from_rgbd(pair.right), recipe, left=True)
+    own = filler_next_to(filler, View.from_rgbd(pair.right), recipe, left=True)
     plan = dataclasses.replace(draft, inpainter=own, measured=measured)
     fills: list[FillReport] = []
     for place in frames_to_fill(plan, measured, ()):
@@ -250,7 +250,7 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> StereoComp
         right_before = render(scene, pair.rig.right, recipe.mode, close=False)
     with clock("fill"):
         right, right_fill = inpaint(
-            right_before, filler_beside(filler, left, recipe, left=False), plan.context, plan.seed
+            right_before, filler_next_to(filler, left, recipe, left=False), plan.context, plan.seed
         )
     with clock("fuse"):
         scene = fuse(scene, right)
@@ -265,7 +265,7 @@ def left_before_filling(source: RGBD, scene: Scene) -> View:
     return before.without(removed, HoleType.OBJECT) if removed.any() else before
 
 
-def filler_beside(filler: Inpainter, other: View, recipe: Recipe, *, left: bool) -> Inpainter:
+def filler_next_to(filler: Inpainter, other: View, recipe: Recipe, *, left: bool) -> Inpainter:
     """The filler of the left (or the right) view; one for pairs sees the other view too, but for what is not known of it."""
     if isinstance(filler, PairFiller):
         filler = filler.painter(other.color, other.color_hole, left=left)
