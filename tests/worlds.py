@@ -6,6 +6,7 @@ at (0.5, 0.5), OpenCV axes, planar z), so a mistake in the package does not come
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -201,6 +202,15 @@ def random_camera(rng: np.random.Generator, width: int, height: int) -> Camera:
     focal = rng.uniform(0.6, 1.5) * width
     fy, (cx, cy) = focal * rng.uniform(0.8, 1.2), rng.uniform(0.3, 0.7, 2) * (width, height)
     return Camera(width, height, focal, fy, cx, cy, pose)
+
+
+def noisy_frames(world: World, cameras: Sequence[Camera], constant: float = 0.0, slope: float = 0.0) -> list[RGBD]:
+    """The frames that these cameras take, with depth noise of hypot(constant, slope z^2) metres."""
+    random, made = np.random.default_rng(0), []
+    for frame in map(world.rgbd, cameras):
+        noise = np.hypot(constant, slope * frame.depth**2) * random.standard_normal(frame.depth.shape)
+        made.append(RGBD(frame.color, frame.depth + noise.astype(np.float32), frame.camera))
+    return made
 
 
 def rgbd_of(depth: np.ndarray, camera: Camera | None = None, color: object = 0) -> RGBD:

@@ -14,7 +14,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from worlds import moved
+from worlds import moved, rgbd_of
 
 CAMERA = Camera.from_fov(24, 16, 60)
 RED, GREEN = (255, 0, 0), (0, 255, 0)
@@ -22,8 +22,7 @@ RED, GREEN = (255, 0, 0), (0, 255, 0)
 
 def wall(metres: float, color: tuple[int, int, int], camera: Camera = CAMERA, origin: Origin = Origin.MEASURED) -> View:
     """A fronto-parallel wall (or, at inf, sky) in one colour."""
-    picture = np.broadcast_to(np.uint8(color), (*camera.hw, 3))
-    view = View.from_rgbd(RGBD(picture, np.full(camera.hw, metres, np.float32), camera))
+    view = View.from_rgbd(rgbd_of(np.full(camera.hw, metres), camera, color))
     return dataclasses.replace(view, origin=np.full(camera.hw, origin, np.uint8))
 
 
@@ -34,8 +33,7 @@ def test_a_surface_is_cut_where_inverse_depth_steps(focal: float, ratio: float) 
     for step, triangles in ((0.97 * ratio, 2 * 7 * 3), (1.03 * ratio, 2 * 6 * 3)):
         depth = np.full((4, 8), 2, np.float32)
         depth[:, 4:] = 2 / (1 - step)
-        view = View.from_rgbd(RGBD(np.zeros((4, 8, 3), np.uint8), depth, camera))
-        assert len(layer_mesh(view).triangles) == triangles
+        assert len(layer_mesh(View.from_rgbd(rgbd_of(depth, camera))).triangles) == triangles
 
 
 @pytest.mark.parametrize(("nearer", "shown"), [(0.004, RED), (0.006, GREEN)])
@@ -89,7 +87,7 @@ def test_a_lone_pixel_is_drawn_as_large_as_it_is_and_32_pixels_at_most() -> None
     camera = Camera(100, 80, 60, 60, 50.5, 40.5)
     depth = np.zeros(camera.hw, np.float32)
     depth[40, 50] = 10
-    view = View.from_rgbd(RGBD(np.full((*camera.hw, 3), 9, np.uint8), depth, camera))
+    view = View.from_rgbd(rgbd_of(depth, camera))
     for distance, side in ((1, 10), (0.2, 32)):
         seen = render(view, moved(camera, shift=(0, 0, 10 - distance)))
         drawn = seen.depth > 0
@@ -100,7 +98,7 @@ def test_far_pixels_are_fused_once() -> None:
     """Law: a sensor hole that was filled as sky is in the scene already; seen again it adds no layer."""
     depth = np.full(CAMERA.hw, np.inf, np.float32)
     depth[5, 7] = 0
-    source = View.from_rgbd(RGBD(np.zeros((*CAMERA.hw, 3), np.uint8), depth, CAMERA))
+    source = View.from_rgbd(rgbd_of(depth, CAMERA))
     hole = np.zeros(CAMERA.hw, bool)
     origin = np.where(source.hole, np.uint8(Origin.DEPTH_FILLED), source.origin)
     filled = dataclasses.replace(source, depth=np.full_like(depth, np.inf), hole=hole, origin=origin)

@@ -20,7 +20,7 @@ from dlama.geometry.rendering import MODES, Mode, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from worlds import Plane, Sphere, World, moved, pixels_of, points_of, pose_of
+from worlds import Plane, Sphere, World, moved, pixels_of, points_of, pose_of, rgbd_of
 
 modes = pytest.mark.parametrize("mode", MODES)
 
@@ -108,9 +108,7 @@ def test_of_two_points_on_one_ray_the_nearest_wins(one: float, other: float, swa
 
 def plane_at(z: float, color: tuple[int, int, int], camera: Camera) -> View:
     """A fronto-parallel wall in one colour."""
-    return View.from_rgbd(
-        RGBD(np.broadcast_to(np.uint8(color), (*camera.hw, 3)), np.full(camera.hw, z, np.float32), camera)
-    )
+    return View.from_rgbd(rgbd_of(np.full(camera.hw, z), camera, color))
 
 
 @modes
@@ -148,7 +146,7 @@ def test_points_of_a_view_and_of_its_cloud_are_the_same_picture() -> None:
 
 def test_what_is_no_mode_is_refused() -> None:
     """Oracle: the message says what came and what was expected."""
-    frame = RGBD(np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32), Camera.from_fov(2, 2, 60))
+    frame = rgbd_of(np.ones((2, 2)))
     with pytest.raises(InputError, match=r"'mesh'; one of surface, points"):
         render(frame, frame.camera, "mesh")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="mode 'points' is expected"):

@@ -133,7 +133,8 @@ def draw_footprints(
                 continue
             neighbours = joined_neighbours(shown, right, down, row, column)
             screen = [np.array([x[n] - x[row, column], y[n] - y[row, column]]) if n else None for n in neighbours]
-            turns = [a[0] * b[1] - a[1] * b[0] for a, b in zip(screen, screen[1:] + screen[:1]) if both(a, b)]
+            pairs = zip(screen, screen[1:] + screen[:1])
+            turns = [a[0] * b[1] - a[1] * b[0] for a, b in pairs if a is not None and b is not None]
             if sum(turns) < 0:
                 continue
             ahead = points[row, column, 2]
@@ -164,11 +165,6 @@ def joined_neighbours(
         row > 0 and down[row - 1, column] and (row - 1, column),
     ]
     return [place if place and shown[place] else None for place in found]
-
-
-def both(a: np.ndarray | None, b: np.ndarray | None) -> bool:
-    """Are both there?"""
-    return a is not None and b is not None
 
 
 def near_border(centre: tuple[float, float], columns: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -117,23 +117,18 @@ def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
     """
     if not known.any():
         return np.full(known.shape, np.inf, np.float32), np.zeros(known.shape, np.intp)
-    distance, labels = _nearest_labels(known)
+    distance, labels = cv2.distanceTransformWithLabels(
+        (~known).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
     of_label = np.zeros(labels.max() + 1, np.intp)
     of_label[labels[known]] = np.flatnonzero(known)
-    return distance, of_label[labels]
+    return np.asarray(distance, np.float32), of_label[labels]
 
 
 def innermost_pixel(where: BoolArray) -> tuple[int, int]:
     """Row and column of the pixel of `where` (H x W bool, not empty) farthest from all others of the picture."""
     row, column = np.unravel_index(int(nearest_known(~where)[0].argmax()), where.shape)
     return int(row), int(column)
-
-
-def _nearest_labels(known: BoolArray) -> tuple[Float32Array, NDArray[np.int32]]:
-    distance, labels = cv2.distanceTransformWithLabels(
-        (~known).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    return np.asarray(distance, np.float32), np.asarray(labels, np.int32)
 
 
 def nearest_along_colors(
@@ -187,15 +182,9 @@ def fill_with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
     if known.all() or not known.any():
         return values
     box = box_around(~known, 1)
-    missing = ~known[box]
-    rim = known[box] & dilate_square(missing, 3)  # the nearest known pixels lie on it
-    labels = _nearest_labels(rim)[1]
-    rows, columns = np.nonzero(rim)
-    of_label = np.zeros(len(rows) + 1, np.intp)
-    of_label[labels[rows, columns]] = (rows + box[0].start) * known.shape[1] + columns + box[1].start
-    out = values.copy()
-    pixels = out.reshape(known.size, *values.shape[2:])
-    pixels[~known.ravel()] = pixels.take(of_label[labels[missing]], axis=0)
+    missing, out = ~known[box], values.copy()
+    pixels = values[box].reshape(missing.size, *values.shape[2:])
+    out[box][missing] = pixels[nearest_known(~missing)[1][missing]]
     return out
 
 

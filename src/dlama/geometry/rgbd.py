@@ -61,9 +61,8 @@ class RGBD(Figured):
             if padding.dtype != np.bool_ or padding.shape != depth.shape:
                 raise ShapeError(f"padding is {padding.dtype} {padding.shape}; bool H x W is expected")
             depth = freeze(np.where(padding, np.float32(0), depth))
-        object.__setattr__(self, "color", make_read_only(color))
-        object.__setattr__(self, "depth", make_read_only(depth))
-        object.__setattr__(self, "padding", padding)
+            padding = make_read_only(padding)
+        vars(self).update(color=make_read_only(color), depth=make_read_only(depth), padding=padding)
 
     def __repr__(self) -> str:
         width, height = self.camera.wh

@@ -169,14 +169,8 @@ class View(Figured, Facts):
             "depth": select(self.depth, keep),
             "confidence": select(self.confidence, keep),
             "frame": None if self.frame is None else self.frame * keep,
-            "errors": self._errors_in(keep),
+            "errors": None if self.errors is None else select(self.errors, keep),
         }
-
-    def _errors_in(self, keep: BoolArray) -> Float32Array | None:
-        """Its errors in the pixels of `keep` (H x W), 0 elsewhere; the same array where they are 0 there, as next to a fill."""
-        if self.errors is None or not (self.errors.view(np.uint64)[..., 0].astype(np.bool_) & ~keep).any():
-            return self.errors  # both errors of a pixel were read as one number
-        return select(self.errors, keep)
 
     def with_planes(self, **planes: np.ndarray | None) -> View:
         """The view with other planes by name, new and unshared: they are taken over, not copied."""
@@ -225,9 +219,7 @@ class View(Figured, Facts):
         """Its expected errors, in the pixels of `where` (H x W bool) those of another view of the same camera."""
         if other.errors is None:
             return self.errors
-        if self.errors is None:
-            return other._errors_in(where)
-        return replace_pixels(self.errors, where, other.errors)
+        return select(other.errors, where) if self.errors is None else replace_pixels(self.errors, where, other.errors)
 
     def without(self, where: BoolArray, hole_type: HoleType) -> View:
         """The same view with the pixels of `where` (H x W bool) turned into holes of one type."""

@@ -17,6 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
 from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.frames.stored import Layer
+from dlama.geometry.holes import square
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.projection import px_from_px
@@ -143,7 +144,7 @@ def subtract_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Ar
     if not finite.any() or float(np.median((spread / np.maximum(metres, 1e-3))[finite])) <= EXACT:
         return depth
     known = np.where(depth > 0, np.where(finite, depth - spread, depth), np.inf).astype(np.float32)
-    nearest = cv2.erode(known, np.ones((2 * EDGES_PX + 1, 2 * EDGES_PX + 1), np.uint8))
+    nearest = cv2.erode(known, square(2 * EDGES_PX + 1))
     return np.where(depth > 0, np.maximum(nearest, np.float32(1e-3)), np.float32(0))
 
 

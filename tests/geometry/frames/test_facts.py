@@ -8,15 +8,13 @@ import weakref
 
 import numpy as np
 
-from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
+from worlds import rgbd_of
 
 
 def a_view() -> View:
     """Two by three pixels, at 2 m."""
-    picture = np.zeros((2, 3, 3), np.uint8)
-    return View.from_rgbd(RGBD(picture, np.full((2, 3), 2, np.float32), Camera.from_fov(3, 2, 60)))
+    return View.from_rgbd(rgbd_of(np.full((2, 3), 2)))
 
 
 class Found:

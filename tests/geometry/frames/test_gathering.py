@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,24 +14,12 @@ from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import scene
 from dlama.geometry.rgbd import RGBD
-from worlds import Box, Plane, Sphere, World, moved
+from worlds import Box, Plane, Sphere, World, moved, noisy_frames
 
 LENS = Camera.from_fov(96, 72, 60)
 WORLD = World((Plane((0, 0, 4), (0.1, 0, -1)), Sphere((0.1, 0.1, 2.2), 0.35), Box((-0.9, -0.6, 2.4), (-0.7, 2, 2.6))))
 CAMERAS = [moved(LENS, (0, -8 * x, 0), (x, 0.1 * x, 0)) for x in (-0.6, -0.3, 0, 0.3, 0.6)]
-
-
-def frames(noise: float = 0.0, slope: float = 0.0) -> list[RGBD]:
-    """Five frames with depth noise of hypot(noise, slope z^2) metres."""
-    random = np.random.default_rng(1)
-    made = []
-    for camera in CAMERAS:
-        rgbd = WORLD.rgbd(camera)
-        spread = np.hypot(noise, slope * rgbd.depth**2)
-        made.append(
-            RGBD(rgbd.color, rgbd.depth + (spread * random.standard_normal(camera.hw)).astype(np.float32), camera)
-        )
-    return made
+frames = partial(noisy_frames, WORLD, CAMERAS)
 
 
 def test_clean_frames_have_no_gain_and_hardly_noise() -> None:

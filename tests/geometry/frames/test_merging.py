@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import cv2
 import numpy as np
@@ -22,7 +23,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from reference.merging import merged_depth
-from worlds import Box, Plane, Sphere, World, moved
+from worlds import Box, Plane, Sphere, World, moved, noisy_frames
 
 LENS = Camera.from_fov(64, 48, 60)
 WALL, BALL, POST = Plane((0, 0, 4), (0.1, 0, -1)), Sphere((0.1, 0.1, 2.2), 0.35), Box((-0.9, -0.6, 2.4), (-0.7, 2, 2.6))
@@ -30,16 +31,7 @@ WORLD = World((WALL, BALL, POST))
 PLACES = ((0, 0, 0), (0.5, 0, 0.1), (-0.5, 0.1, 0), (0.2, -0.3, 0.3))
 CAMERAS = [moved(LENS, (0, -12 * x, 0), (x, y, z)) for x, y, z in PLACES]
 BETWEEN = moved(LENS, (0, -2, 0), (0.12, 0.05, 0.05))
-
-
-def frames(noise: float = 0.0) -> list[RGBD]:
-    """The world from four places, with depth noise in metres."""
-    random = np.random.default_rng(0)
-    made = []
-    for camera in CAMERAS:
-        rgbd = WORLD.rgbd(camera)
-        made.append(RGBD(rgbd.color, rgbd.depth + np.float32(noise) * random.standard_normal(camera.hw), camera))
-    return made
+frames = partial(noisy_frames, WORLD, CAMERAS)
 
 
 def as_scene(frames: list[RGBD], noise: tuple[float, float] = (0.0, 0.0)) -> Scene:

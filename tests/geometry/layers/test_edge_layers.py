@@ -12,6 +12,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from worlds import rgbd_of
 
 CAMERA = Camera.from_fov(64, 48, 60)
 BOX = slice(16, 32), slice(20, 44)
@@ -59,7 +60,5 @@ def test_it_closes_what_a_small_turn_opens() -> None:
 
 def test_nothing_to_continue() -> None:
     """A wall alone, and a view of nothing, come back without a pixel."""
-    wall = View.from_rgbd(RGBD(np.zeros((8, 8, 3), np.uint8), np.ones((8, 8), np.float32), Camera.from_fov(8, 8, 60)))
-    assert not continue_under_edges(wall, 3)[1].any()
-    empty = View.from_rgbd(RGBD(np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8), np.float32), Camera.from_fov(8, 8, 60)))
-    assert not continue_under_edges(empty, 3)[1].any()
+    for metres in (1, 0):
+        assert not continue_under_edges(View.from_rgbd(rgbd_of(np.full((8, 8), metres))), 3)[1].any()

@@ -15,6 +15,7 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.grid_mesh import mesh_grid, smooth_noise
+from dlama.geometry.holes import dilate_square
 from dlama.geometry.kernels.drawing import rasterize as raster
 from dlama.geometry.kernels.drawing import shading
 from dlama.geometry.kernels.drawing.chunks import CHUNK, Vertices
@@ -135,7 +136,7 @@ class Drawn(NamedTuple):
 
 def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:
     """The table for `draw` of the pixels that count (H x W); with their neighbours, which colours are averaged over."""
-    return np.asarray(cv2.integral(cv2.dilate(wanted.view(np.uint8), np.ones((3, 3), np.uint8))), np.int32)
+    return np.asarray(cv2.integral(dilate_square(wanted, 3).view(np.uint8)), np.int32)
 
 
 def crop_count(count: NDArray[np.int32], rows: slice, columns: slice) -> NDArray[np.int32]:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.frames.agreement import AGREES
-from dlama.geometry.holes import box_around, dilate_mask, nearest_known, shrink_known
+from dlama.geometry.holes import box_around, dilate_mask, nearest_known, shrink_known, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -61,7 +61,7 @@ def fill_from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
 
 def grow_region(seeds: BoolArray, allowed: BoolArray, depth: Float32Array) -> BoolArray:
     """The seeds and all allowed pixels that are one object with them: from each to the next a few pixels and little depth."""
-    found, kernel = seeds.copy(), np.ones((2 * NEXT_PX + 1,) * 2, np.uint8)
+    found, kernel = seeds.copy(), square(2 * NEXT_PX + 1)
     while True:
         nearest = cv2.erode(np.where(found, depth, np.float32(np.inf)), kernel)
         farthest = cv2.dilate(np.where(found, depth, np.float32(0)), kernel)

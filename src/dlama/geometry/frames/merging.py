@@ -115,8 +115,7 @@ def surface_of(layer: Layer) -> Surface:
 def nearest_depth_around(view: View) -> Float32Array:
     """H x W, the nearest depth measured within LOOKED_THROUGH_PX of each pixel with depth; 0 elsewhere, inf = far."""
     measured = ~view.hole & (view.depth > 0) & from_source(view.origin)
-    side = 2 * LOOKED_THROUGH_PX + 1
-    nearest = cv2.erode(np.where(measured, view.depth, np.float32(np.inf)), np.ones((side, side), np.uint8))
+    nearest = cv2.erode(np.where(measured, view.depth, np.float32(np.inf)), square(2 * LOOKED_THROUGH_PX + 1))
     return np.where(measured, nearest, np.float32(0))
 
 

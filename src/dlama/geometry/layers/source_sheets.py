@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import Mesh
-from dlama.geometry.holes import dilate_square, fill_with_nearest, repeat_cells
+from dlama.geometry.holes import dilate_square, fill_with_nearest, repeat_cells, square
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.head_box import HeadBox
@@ -109,11 +109,11 @@ def as_depth(view: View, depth: Float32Array) -> View:
 def cover_blocks(where: BoolArray) -> BoolArray:
     """H x W: the squares of BLOCK px that hold a pixel of `where` or one next to it, each with the next row and column: large
     triangles fit in."""
-    near = cv2.dilate(where.view(np.uint8), np.ones((3, 3), np.uint8))
+    near = dilate_square(where, 3)
     padded = np.pad(near, [(0, -side % BLOCK) for side in near.shape])
     blocks = padded.reshape(padded.shape[0] // BLOCK, BLOCK, -1, BLOCK).max((1, 3))
     whole = repeat_cells(blocks, BLOCK, near.shape)
-    return cv2.dilate(whole, np.ones((2, 2), np.uint8), anchor=(1, 1)).view(bool)
+    return cv2.dilate(whole.view(np.uint8), square(2)).view(bool)
 
 
 def depth_of_sphere(camera: Camera, centre: Camera, radius: float) -> Float32Array:

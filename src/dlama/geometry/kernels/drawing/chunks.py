@@ -90,28 +90,7 @@ def marked_within(count: NDArray[np.integer], left: Whole, right: Whole, upper: 
 
 
 @piece
-def chunk_meets(
-    vertices: Vertices, row: Whole, chunk: Whole, first: Whole, last: Whole, count: NDArray[np.integer]
-) -> Flag:
-    """True if the box round a chunk of a row of quads, cut to target rows [first, last), may hold a marked pixel; count: as of
-    `marked_within`, or without rows: every pixel is marked."""
-    x, w, spans = vertices.x, vertices.w, vertices.spans
+def chunk_meets(spans: Float32Array, row: Whole, chunk: Whole, first: Whole, last: Whole) -> Flag:
+    """True if a chunk of a row of quads may touch target rows [first, last)."""
     low, high = min(spans[row, chunk, 0], spans[row + 1, chunk, 0]), max(spans[row, chunk, 1], spans[row + 1, chunk, 1])
-    if not (low <= last and high >= first):
-        return False
-    if len(count) == 0:
-        return True
-    columns = count.shape[1] - 1
-    left, right = np.float32(columns), np.float32(0)
-    for r in range(row, row + 2):
-        for column in range(chunk * CHUNK, min(x.shape[1], (chunk + 1) * CHUNK + 1)):
-            if w[r, column] > 0:
-                left, right = min(left, x[r, column]), max(right, x[r, column])
-    if left > right:
-        return False
-    near, far = np.int64(max(left, np.float32(1))) - 1, min(columns - 1, np.int64(min(right, np.float32(columns))) + 1)
-    upper, lower = (
-        max(first, np.int64(max(low, np.float32(first))) - 1),
-        min(last - 1, np.int64(min(high, np.float32(last))) + 1),
-    )
-    return near <= far and upper <= lower and marked_within(count, near, far, upper, lower) > 0
+    return low <= last and high >= first

@@ -68,7 +68,7 @@ def mark_closed_mesh(
     columns = out.hole.shape[1]
     for row in range(mesh.joined.shape[0] - 1):
         for chunk in range(vertices.spans.shape[1]):
-            if not chunk_meets(vertices, row, chunk, first, last, out.counted):
+            if not chunk_meets(vertices.spans, row, chunk, first, last):
                 continue
             room = boxes[first]
             for n in range(chunk_boxes(vertices, row, chunk, first, last, columns, room)):

@@ -89,7 +89,7 @@ def draw_surface(
     columns, some = out.w.shape[1], len(count) > 0
     for row in range(joined.shape[0] - 1):
         for chunk in range(vertices.spans.shape[1]):
-            if not chunk_meets(vertices, row, chunk, first, last, count):
+            if not chunk_meets(vertices.spans, row, chunk, first, last):
                 continue
             room = boxes[first]
             for n in range(chunk_boxes(vertices, row, chunk, first, last, columns, room)):
