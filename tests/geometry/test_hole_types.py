@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
+from dlama.geometry.holes import dilate_square, erode_square
 from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import MODES, Mode, render
 from dlama.geometry.rgbd import RGBD
@@ -28,16 +28,6 @@ TARGETS = {
 }
 modes = pytest.mark.parametrize("mode", MODES)
 targets = pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS.keys())
-
-
-def eroded(mask: np.ndarray, size: int = 3) -> np.ndarray:
-    """Shrunk by 1.5 pixels (size 3)."""
-    return cv2.erode(mask.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
-
-
-def dilated(mask: np.ndarray, size: int = 3) -> np.ndarray:
-    """Grown by 1.5 pixels (size 3)."""
-    return cv2.dilate(mask.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
 
 
 def on_wall(target: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -80,9 +70,9 @@ def test_hidden_and_outside(name: str, mode: Mode, target: Camera) -> None:
     np.testing.assert_array_equal(view.hole_type > 0, view.hole)
     others = {HoleType.SENSOR, HoleType.OBJECT} | ({HoleType.CRACK} if mode == "surface" else set())
     assert not np.isin(view.hole_type, sorted(others)).any()
-    sees_wall = eroded(world.trace(target)[1] == 1)
-    hidden = eroded(~world.seen_by(SOURCE, target) & in_frustum(target)) & sees_wall
-    outside = eroded(~in_frustum(target)) & sees_wall
+    sees_wall = erode_square(world.trace(target)[1] == 1, 3)
+    hidden = erode_square(~world.seen_by(SOURCE, target) & in_frustum(target), 3) & sees_wall
+    outside = erode_square(~in_frustum(target), 3) & sees_wall
     assert hidden.sum() > 50 and outside.sum() > 50
     inner = hidden & ~has(view, HoleType.FLYING)
     assert inner.sum() > 0.9 * hidden.sum()
@@ -108,7 +98,7 @@ def test_sensor_holes_move_with_the_wall(mode: Mode, target: Camera) -> None:
     patch = np.zeros(SOURCE.hw, np.bool_)
     patch[30:50, 40:70] = True
     view = render(RGBD(frame.color, np.where(patch, 0, frame.depth).astype(np.float32), SOURCE), target, mode)
-    must, may = looked_up(eroded(patch), target), looked_up(dilated(patch), target)
+    must, may = looked_up(erode_square(patch, 3), target), looked_up(dilate_square(patch, 3), target)
     assert must.sum() > 100
     np.testing.assert_array_equal(view.hole_type[must], HoleType.SENSOR)
     assert not (has(view, HoleType.SENSOR) & ~may).any()
@@ -123,11 +113,11 @@ def test_what_a_removed_object_hid_is_an_object_hole(mode: Mode, target: Camera)
     box = world.trace(SOURCE)[1] == 0
     scene = Scene((source.without(box, HoleType.OBJECT),), (source.without(~box, HoleType.NONE),))
     view = render(scene, target, mode)
-    must = looked_up(eroded(box), target)
+    must = looked_up(erode_square(box, 3), target)
     assert must.sum() > 100
     assert view.hole[must].all()
     np.testing.assert_array_equal(view.hole_type[must], HoleType.OBJECT)
-    beyond = ~looked_up(dilated(box), target) & in_frustum(target)
+    beyond = ~looked_up(dilate_square(box, 3), target) & in_frustum(target)
     assert not (has(view, HoleType.OBJECT) & beyond).any()
     points = points_of(target, np.where(view.valid, view.depth, 6).astype(np.float64))
     assert (WALL.distance(points)[view.valid] < 0.1).all()
@@ -145,12 +135,12 @@ def test_what_hid_the_sky_leaves_a_disocclusion(mode: Mode) -> None:
     x, y, z = pixels_of(SOURCE, SOURCE.world_from_cam[:3, 3] + rays_of(target))
     inside = (z > 0) & (x >= 0) & (y >= 0) & (x < SOURCE.width) & (y < SOURCE.height)
     behind = world.cast(SOURCE.world_from_cam[:3, 3], rays_of(target))[1] == 0
-    empty = eroded(world.trace(target)[1] == -1)
-    hidden = empty & eroded(behind & inside) & ~has(view, HoleType.FLYING)
+    empty = erode_square(world.trace(target)[1] == -1, 3)
+    hidden = empty & erode_square(behind & inside, 3) & ~has(view, HoleType.FLYING)
     assert hidden.sum() > 500 and (empty & ~inside).sum() > 200
     np.testing.assert_array_equal(view.hole_type[hidden], HoleType.DISOCCLUDED)
-    assert not view.hole[empty & eroded(~behind & inside)].any()
-    np.testing.assert_array_equal(view.hole_type[empty & eroded(~inside)], HoleType.OUT_OF_VIEW)
+    assert not view.hole[empty & erode_square(~behind & inside, 3)].any()
+    np.testing.assert_array_equal(view.hole_type[empty & erode_square(~inside, 3)], HoleType.OUT_OF_VIEW)
 
 
 def test_a_second_layer_closes_what_it_sees() -> None:

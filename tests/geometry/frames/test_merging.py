@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from functools import partial
 
-import cv2
 import numpy as np
 import pytest
 
@@ -18,6 +17,7 @@ from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.gathering import scene
 from dlama.geometry.frames.merging import merge_frames, nearest_depth_around
 from dlama.geometry.fusion import fuse
+from dlama.geometry.holes import erode_square
 from dlama.geometry.rendering import render, render_fills
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -162,7 +162,7 @@ def test_fills_are_as_bright_as_the_view_that_shows_them() -> None:
         (BETWEEN, [120] * 3),
     ):
         view = render(many, camera)
-        inner = cv2.erode((view.origin == Origin.FILLED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        inner = erode_square(view.origin == Origin.FILLED, 5)
         assert inner.sum() > 30
         np.testing.assert_allclose(
             view.color[inner], np.broadcast_to(color, (inner.sum(), 3)), atol=4
