@@ -47,7 +47,7 @@ RARER, RAREST = 4.0, 6.0
 """An object's pixels weigh as a fourth of the square, up to so many times."""
 HIDDEN, OBJECT_RATE, OBJECT_STEPS, OBJECT_BATCH, ON_BACKGROUND = 16, 1e-3, 3000, 256, 2.0
 """Of the layers that say whether an object is at the click: width, how they learn, and the weight of all clicks on the background
-over that of all on objects, with which `choice.LEAST` fits both networks."""
+over that of all on objects, with which the least probability in `choice` fits both networks."""
 ABOUT = {
     "dlama.what": "planes of a square about a click (dlama.perception.masks.click_network) -> logits of the object's pixels",
     "dlama.licence": "Apache-2.0",

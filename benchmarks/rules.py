@@ -209,8 +209,13 @@ def _no_own_mask() -> None:
 
 def _no_click_network() -> None:
     from dlama.perception.masks.choice import Masker
+    from dlama.perception.masks.photo import name_masks
 
-    _set(Masker, "masks_of_click", lambda self, prompt: self.find(prompt))
+    def first_found(self: Masker, prompt: Any) -> Any:
+        first, *others = self.find(prompt)
+        return name_masks(first, others)
+
+    _set(Masker, "masks_of_click", first_found)
 
 
 MASK_RULES: dict[str, Callable[[], None]] = {

@@ -56,25 +56,20 @@ class ColorContract:
         return None if text is None else cls.read(text, file.path)
 
     @classmethod
-    def read(cls: type[C], text: str, file: Path, *, strict: bool = False) -> C:
-        """The contract that the JSON of `text` says. FileError, naming `file`, where it is another network's or cannot be read.
-
-        strict: the text may be written by hand, so that fields which there are not are refused instead of passed over.
-        """
+    def read(cls: type[C], text: str, file: Path) -> C:
+        """The contract that the JSON of `text` says, which may be written by hand. FileError, naming `file`, where it is another
+        network's, has a field that there is not, or cannot be read."""
         with contract_errors(file):
             words = json.loads(text)
             if words.get("network") != cls.network:
-                expected = repr(cls.network) if strict else cls.network
                 raise FileError(
-                    f"{file}: is a network {words.get('network')!r} by its contract; {expected} is expected"
+                    f"{file}: is a network {words.get('network')!r} by its contract; {cls.network} is expected"
                 )
             known = {one.name for one in fields(cls)}
-            strange = sorted(set(words) - known - {"network", "version"})
-            if strict and strange:
+            if strange := sorted(set(words) - known - {"network", "version"}):
                 raise FileError(f"{file}: its contract has {', '.join(strange)}; known are {', '.join(sorted(known))}")
-            listed = {name: words[name] for name in words if name in known}
             values: dict[str, Any] = {
-                name: tuple(one) if isinstance(one, list) else one for name, one in listed.items()
+                name: tuple(one) if isinstance(one, list) else one for name, one in words.items() if name in known
             }
             return cls(**values)
 

@@ -43,12 +43,11 @@ _DEPTH_ANYTHING_ONNX = "https://github.com/fabio-sim/Depth-Anything-ONNX/release
 _MOBILE_SAM = "https://huggingface.co/Acly/MobileSAM/resolve/0d3b403339b4674a82493d5e97964dd78089ddc8"
 _SAM = "https://github.com/wkentaro/labelme/releases/download/sam-20230416"
 _EFFICIENT_SAM = "https://github.com/labelmeai/efficient-sam/releases/download/onnx-models-20231225"
-_AS_PUBLISHED = "Size and sha256 are as projects that load it publish them."
 
 
 def _segment_anything(name: str, what: str, url: str, sha256: str, size: int) -> Record:
     """The encoder or decoder of a network of the Segment Anything family, in ONNX."""
-    return Record(name, what, (url,), sha256, size, "Apache-2.0", "mask-network", f"{name}.onnx", note=_AS_PUBLISHED)
+    return Record(name, what, (url,), sha256, size, "Apache-2.0", "mask-network", f"{name}.onnx")
 
 
 CATALOGUE: dict[str, Record] = {
@@ -66,7 +65,6 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="lama-weights",
             file="big-lama.pt",
-            note="Size and sha256 are as several projects that load it publish them.",
         ),
         Record(
             name="depth-anything-small",
@@ -77,7 +75,7 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="depth-network",
             file="depth-anything-small.onnx",
-            note="Size and sha256 are as several projects that load it publish them. Its larger siblings are CC-BY-NC-4.0.",
+            note="Its larger siblings are CC-BY-NC-4.0.",
         ),
         Record(
             name="depth-anything-indoor",
@@ -88,7 +86,7 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="depth-network",
             file="depth-anything-indoor.onnx",
-            note="About 95 MB; the sha256 is as a project that loads it publishes it.",
+            note="About 95 MB.",
         ),
         Record(
             name="depth-anything-outdoor",
@@ -110,7 +108,7 @@ CATALOGUE: dict[str, Record] = {
             licence="MIT",
             contract="depth-network",
             file="moge-small.onnx",
-            note="Size and sha256 are as two projects that load it publish them. Parts of DINOv2 in it are Apache-2.0.",
+            note="Parts of DINOv2 in it are Apache-2.0.",
         ),
         _segment_anything(
             "sam-vit-b-encoder",

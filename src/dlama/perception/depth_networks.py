@@ -41,8 +41,6 @@ class DepthContract(ColorContract):
     """depth: planar z; inverse depth: larger is nearer; points: x, y, z in the camera, z known up to a shift."""
     metric: bool = False
     """Whether that is in metres; else it is known up to a factor, relative inverse depth up to a factor and a shift."""
-    layout: Literal["CHW", "HWC"] = "CHW"
-    """Order of the input's axes after the batch; colours are RGB."""
     side: int | tuple[int, ...] = 518
     """Pixels of the shorter side; of several the predictions are averaged (relative ones over their means). Without meaning for a
     graph whose own height and width are fixed: the picture is stretched to those."""
@@ -57,8 +55,6 @@ class DepthContract(ColorContract):
     def __post_init__(self) -> None:
         if self.gives not in KINDS:
             raise InputError(f"contract: gives is {self.gives!r}; one of {', '.join(KINDS)} is expected")
-        if self.layout not in ("CHW", "HWC"):
-            raise InputError(f"contract: layout is {self.layout!r}; CHW or HWC is expected")
         self.check_colors()
         if not self.sides or min(*self.sides, self.multiple) < 1:
             raise InputError("contract: side and multiple of 1 or more are expected")
@@ -81,11 +77,11 @@ class DepthContract(ColorContract):
         return height, width
 
     def tensor(self, color: UInt8Array, hw: tuple[int, int]) -> Float32Array:
-        """The picture (H x W x 3, RGB) at height and width `hw` as the network takes it, with a batch of 1."""
+        """1 x 3 x h x w: the picture (H x W x 3, RGB) at height and width `hw` as the network takes it."""
         smaller = math.prod(hw) < color.shape[0] * color.shape[1]
         how = cv2.INTER_AREA if smaller else cv2.INTER_CUBIC
         normal = self.normalize(cv2.resize(color, hw[::-1], interpolation=how))
-        return np.ascontiguousarray(normal.transpose(2, 0, 1) if self.layout == "CHW" else normal)[None]
+        return np.ascontiguousarray(normal.transpose(2, 0, 1))[None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +127,7 @@ def outputs_of_contract(
 
 def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> DepthPrediction:
     """The network's prediction for a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
-    fixed = fixed_size(network, contract)
+    fixed = fixed_size(network)
     sizes = contract.input_sizes(color.shape[:2]) if fixed is None else [fixed]
     found = [predict_at(network, contract, color, hw) for hw in sizes]
     if len(found) == 1:
@@ -139,12 +135,12 @@ def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) ->
     return dataclasses.replace(found[0], values=mean_map([one.values for one in found], contract.metric))
 
 
-def fixed_size(network: NetworkFile, contract: DepthContract) -> tuple[int, int] | None:
+def fixed_size(network: NetworkFile) -> tuple[int, int] | None:
     """Height and width of a graph that takes pictures of one size alone."""
     shape = next(iter(network.inputs.values()))[1]
     if len(shape) != 4:
         return None
-    height, width = shape[2:] if contract.layout == "CHW" else shape[1:3]
+    height, width = shape[2:]
     return (height, width) if isinstance(height, int) and isinstance(width, int) else None
 
 

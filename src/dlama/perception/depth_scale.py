@@ -26,8 +26,6 @@ FARTHEST_M = 1000.0
 """Depth beyond this is far."""
 PATCH = 2
 """Known pixels are read as the median of those up to so many px away."""
-LEVEL = math.cos(math.radians(40))
-"""Least cosine between the ground's normal and the camera's y axis."""
 RULES = {
     "metric model": "scale as the network says",
     "photo": "scale as the photo says",
@@ -208,6 +206,6 @@ def ground_plane(w: Float32Array, camera: Camera) -> np.ndarray | None:
         if inliers.sum() < 12:
             continue
         normal = plane_normal(fit_plane(u[inliers], v[inliers], value[inliers], near[inliers]), camera)
-        if normal[1] > LEVEL * np.linalg.norm(normal) and inliers.sum() > most:
+        if normal[1] > math.cos(math.radians(40)) * np.linalg.norm(normal) and inliers.sum() > most:
             best, most = normal, int(inliers.sum())
     return best

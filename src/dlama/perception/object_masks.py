@@ -13,7 +13,7 @@ from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only, percent
 from dlama.models.network_file import make_room
 from dlama.perception.masks.choice import rgbd_masker
-from dlama.perception.masks.prompt import Box, NothingThereError, Point, Prompt
+from dlama.perception.masks.prompt import Box, NothingThereError, Point, Pointed, Prompt
 from dlama.perception.masks.salient import salient_masker
 from dlama.perception.masks.segment_anything import segment_anything_masker
 from dlama.perception.masks.small import SmallPicture
@@ -22,11 +22,7 @@ from dlama.perception.shadows.find import find_shadow
 
 MaskModel = str | Path | tuple[str | Path, str | Path]
 """A name of `dlama.perception.masks.segment_anything.PAIRS`, `NAME=ENCODER,DECODER`, or the two files of a pair."""
-MOST = 0.5
-"""Share of the picture above which a mask is warned of."""
 TOO_MUCH = "more than half of the picture: say what does not belong to it, or give a box"
-Pointed = Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]
-"""Prompt -> H x W masks by name (part, object, group; those that differ), and notes."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +32,7 @@ class MaskerRecord:
     open: Callable[[Any, Any], Pointed]
     """(picture, mask_model) -> a function of prompts; what does not depend on the prompt is computed once."""
     needs_depth: bool = False
-    """Whether the picture must be an RGBD."""
+    """Whether the picture must be an RGBD; else `open` gets its colours."""
     needs_prompt: bool = True
     """Whether it needs clicks or a box."""
     takes_model: bool = False
@@ -84,6 +80,7 @@ class MaskSession:
         """Parameters and errors as `find_mask`. Only depth between single readings is computed here (`densify`)."""
         check_arguments(MaskSession.__init__, locals())
         self.picture = densify(picture) if isinstance(picture, RGBD) else check_color(picture, "picture")
+        self.color = self.picture.color if isinstance(self.picture, RGBD) else self.picture
         self.masker, self.mask_model = check_names(masker, mask_model), mask_model
         if MASKERS[self.masker].needs_depth and not isinstance(picture, RGBD):
             raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is expected")
@@ -98,10 +95,9 @@ class MaskSession:
 
     @cached_property
     def _pointed(self) -> Pointed:
-        picture = self.picture if self._small is None else self._small.rgbd
-        height, width = (picture.depth if isinstance(picture, RGBD) else picture).shape[:2]
-        make_room(height * width)
-        return MASKERS[self.masker].open(picture, self.mask_model)
+        masker, picture = MASKERS[self.masker], self.picture if self._small is None else self._small.rgbd
+        make_room((self.color if self._small is None else self._small.rgbd.color)[..., 0].size)
+        return masker.open(picture if masker.needs_depth else self.color, self.mask_model)
 
     def _masks(self, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
         """H x W masks by name, and notes."""
@@ -134,12 +130,12 @@ class MaskSession:
         if not masks:
             raise MaskError("nothing of the object is left; fewer `not_clicks` are expected")
         chosen = candidate if candidate in masks else next(iter(masks))
-        if masks[chosen].mean() > MOST:
+        if masks[chosen].mean() > 0.5:
             notes = (*notes, TOO_MUCH)
         return complete_mask(self.picture, masks, chosen, self.masker, with_shadow, notes)
 
     def _prompt(self, clicks: Sequence[Point], not_clicks: Sequence[Point], box: Box | None) -> Prompt:
-        height, width = (self.picture.depth if isinstance(self.picture, RGBD) else self.picture).shape[:2]
+        height, width = self.color.shape[:2]
         on, off = (tuple((x, y) for x, y in points) for points in (clicks, not_clicks))
         prompt = Prompt((height, width), on, off, None if box is None else (box[0], box[1], box[2], box[3]))
         if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:

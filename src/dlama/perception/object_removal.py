@@ -39,16 +39,8 @@ from dlama.geometry.view import View
 
 RIM_PX = 3
 """Rim in px of a mask that is not transferred: masks reach a little over the object."""
-EDGE_PX = 2
-"""Growth of a region at its edges in px, where depths lie between two surfaces."""
-REACH = 1.5
-"""Reach of an object beyond its masked part, in sides of a square of equal area."""
-THICK = 0.7
-"""Largest thickness along the line of sight of the masked frames, over the object's largest extent."""
 OUTLIERS = (1.0, 99.0)
 """Percentiles of the object's points inside its box."""
-SAME = 0.5
-"""Share of the points of one masked part that lie under the mask of another frame, from which both show one object."""
 
 
 def remove_object(
@@ -111,7 +103,7 @@ class MaskedObject:
                 np.percentile(one.points, OUTLIERS, axis=0) for one in (self, other)
             )
             return bool((low <= other_high).all() and (other_low <= high).all())
-        return max(self.share_under(other, frames), other.share_under(self, frames)) > SAME
+        return max(self.share_under(other, frames), other.share_under(self, frames)) > 0.5
 
     def share_under(self, other: MaskedObject, frames: Mapping[int, Layer]) -> float:
         """Share of the points in view of the other's masked frames that lie under its masks, not before or behind them."""
@@ -213,7 +205,7 @@ def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     if not sum(map(len, points)):
         return None
     low, high = np.percentile(np.concatenate(points), OUTLIERS, axis=0)
-    thick = THICK * float((high - low).max())
+    thick = 0.7 * float((high - low).max())  # along the line of sight, at most
     backs = []  # where the far side of the object may lie, which the masked frames do not see
     for layer, front in zip(masked.frames, points):
         sight = front - layer.camera.world_from_cam[:3, 3]
@@ -261,11 +253,13 @@ def find_in_depth(frame: View, frames: Mapping[int, Layer], masked: MaskedObject
     if not seeds.any():
         return unmeasured, seeds, barred
     size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masked.masks.values()))
-    candidates &= dilate_mask(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
+    # as far beyond its masked part as one and a half sides of a square of equal area
+    candidates &= dilate_mask(seeds, max(2 * RIM_PX, round(1.5 * float(np.sqrt(size)))))
     seeds &= candidates
     found = grow_region(seeds, find_foreground(frame, candidates) | seeds, frame.depth)
     gaps = morphological_close(found, square(3)) & (candidates | frame.hole)
-    return found | gaps | (dilate_mask(found, EDGE_PX) & candidates) | unmeasured, seeds, barred
+    rim = dilate_mask(found, 2) & candidates  # px of depths between two surfaces
+    return found | gaps | rim | unmeasured, seeds, barred
 
 
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:

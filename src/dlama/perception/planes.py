@@ -38,8 +38,6 @@ SMALLEST_SHARE = 0.01
 """Least share of the known pixels of a plane."""
 BAND = 128
 """Rows that are worked on at a time."""
-SAMPLES = 9000
-"""Number of known pixels that score hypotheses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +85,14 @@ def tolerance(w: np.ndarray, noise: float) -> np.ndarray:
 def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0.0) -> NDArray[np.float64]:
     """K x 3 planes (a, b, c), most supported first, K <= MOST_PLANES.
 
-    Greedy RANSAC (Fischler & Bolles 1981) with 160 local triples a plane, which is refined by least squares on its inliers.
+    Greedy RANSAC (Fischler & Bolles 1981) with 160 local triples a plane, scored on 9000 pixels and refined by least squares.
     w: H x W inverse depth; surface: H x W, True where it is finite and known; noise: as `noise_level` gives it.
     """
     places = np.flatnonzero(surface)
     if len(places) < 50:
         return np.zeros((0, 3))
     rng = np.random.default_rng(seed)
-    chosen = np.sort(rng.choice(len(places), min(SAMPLES, len(places)), replace=False))
+    chosen = np.sort(rng.choice(len(places), min(9000, len(places)), replace=False))
     rows, columns = np.divmod(places[chosen], w.shape[1])
     u, v = columns + 0.5, rows + 0.5
     z = w[rows, columns].astype(np.float64)

@@ -43,15 +43,13 @@ def checks(left: np.ndarray, right: np.ndarray, doffs: float = 0.0) -> list[str]
 
 
 def test_pairs() -> None:
+    """One of each kind; `find_pair_fault` has more, by the same corners."""
     left, right = pair(3)
-    turn = cv2.getRotationMatrix2D((160, 160), 1.5, 1)
-    turned = cv2.warpAffine(right, turn, (320, 320), borderMode=cv2.BORDER_REFLECT)
     assert check_pair(left, right) == []
     assert checks(right, left) == ["swapped-pair"]
     assert checks(left, left) == ["identical-pair"]
     assert checks(left, pair(103)[1]) == ["unrelated-pair"]
-    assert checks(left, turned) == ["unrectified-pair"]
-    assert checks(left, right[:, ::-1]) == checks(left[:, ::-1], right) == ["mirrored-pair"]
+    assert checks(left, right[:, ::-1]) == ["mirrored-pair"]
     assert checks(left, right[::-1, ::-1]) == ["turned-pair"]
     assert checks(left, np.ascontiguousarray(right[..., ::-1])) == ["channels-pair"]
 

@@ -100,7 +100,7 @@ def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, 
     scene = step_scene()
     object_, wrong = scene.depth == 1.0, scene.depth == 2.0
     monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_.astype(np.float32), 1, 1.0))
-    masks = {"object": wrong, "part": object_} if agreed else {"object": wrong}
+    masks = [wrong, object_] if agreed else [wrong]
     found = room.Masker(scene, lambda prompt: masks, 0.4).masks(Prompt(HW, ((65, 55),)))
     np.testing.assert_array_equal(found["object"], object_)
     np.testing.assert_array_equal(found["group"], wrong)
@@ -109,7 +109,7 @@ def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, 
 def test_a_click_where_depth_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """The network's mask where depth says nothing; elsewhere the error of the masker stays."""
 
-    def refuse(prompt: Prompt) -> dict[str, np.ndarray]:
+    def refuse(prompt: Prompt) -> list[np.ndarray]:
         raise MaskError("nothing there")
 
     scene = step_scene()
@@ -128,14 +128,14 @@ def estimated(scene: RGBD) -> RGBD:
 def test_a_click_where_nothing_is_salient(monkeypatch: pytest.MonkeyPatch) -> None:
     """The network's mask where the masker has none; a region that the masker refuses is refused."""
 
-    def refuse(prompt: Prompt) -> dict[str, np.ndarray]:
+    def refuse(prompt: Prompt) -> list[np.ndarray]:
         raise MaskError("that is background")
 
     scene = estimated(step_scene())
     object_ = scene.depth == 1
     monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_ * np.float32(0.95), 1, 1.0))
     seen, prompt = salient.WindowSaliency(scene.color), Prompt(HW, ((65, 55),))
-    np.testing.assert_array_equal(room.Masker(scene, lambda _: {}, 0.4, seen).masks(prompt)["object"], object_)
+    np.testing.assert_array_equal(room.Masker(scene, lambda _: [], 0.4, seen).masks(prompt)["object"], object_)
     with pytest.raises(MaskError, match="background"):
         room.Masker(scene, refuse, 0.4, seen).masks(prompt)
 
@@ -148,7 +148,7 @@ def test_a_click_on_nothing(monkeypatch: pytest.MonkeyPatch, is_estimated: bool)
     answer = lambda rgbd, pixel, seen: ClickAnswer(object_.astype(np.float32), 1, float(object_[pixel]))  # noqa: E731
     monkeypatch.setattr(room, "object_probability", answer)
     seen = salient.WindowSaliency(scene.color) if is_estimated else None
-    masker = room.Masker(scene, lambda prompt: {"object": wall}, 0.4, seen)
+    masker = room.Masker(scene, lambda prompt: [wall], 0.4, seen)
     click, box = (20, 30), (5, 25, 30, 30)
     with pytest.raises(MaskError, match="clicks holds 20,30, where nothing stands apart"):
         masker.masks(Prompt(HW, (click,)))

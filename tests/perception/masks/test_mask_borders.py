@@ -32,22 +32,6 @@ def test_a_carpet_is_no_part_of_what_stands_on_it() -> None:
     assert iou(found, shown) > 0.98
 
 
-def test_a_large_outline_is_decided_in_a_smaller_picture() -> None:
-    """Closed form: a disc of one colour on another, 20 px too large in the mask; the rim is found within a pixel of the smaller
-    picture, which holds the disc and a fourth of its side round it."""
-    y, x = np.ogrid[:1400, :1400]
-    away = np.hypot(y - 700, x - 700)
-    rng = np.random.default_rng(0)
-    color = np.where((away < 500)[..., None], np.uint8(200), np.uint8(60)) + rng.integers(
-        0, 20, (1400, 1400, 3), np.uint8
-    )
-    frame = RGBD(color, np.ones((1400, 1400), np.float32), Camera.from_fov(1400, 1400, 60))
-    px = np.sqrt(frame.depth.size / MOST_PX)
-    assert px > 2
-    found = decide_by_color(frame, away < 520, (away > 470) & (away < 540))
-    assert found[away < 500 - px].all() and not found[away > 500 + px].any()
-
-
 @pytest.mark.parametrize("most", [MOST_PX, 2000])
 def test_a_band_round_a_box_is_decided_at_every_size(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
     """Oracle: the box itself; the picture is smaller than MOST_PX, or larger and made smaller."""

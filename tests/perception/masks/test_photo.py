@@ -1,4 +1,4 @@
-"""Clicks and boxes in a picture whose depth is estimated, against the true pixels of a drawn scene, and closed forms."""
+"""What is salient, and clicks and boxes in a picture whose depth is estimated, against the true pixels of drawn scenes."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_what_fills_little_of_a_box_is_not_the_thing(monkeypatch: pytest.MonkeyP
     prompt = Prompt(picture.depth.shape, box=box)
     masker = photo.PhotoMasker(picture)
     assert masker.salient_in_box(prompt.box_slices) is None
-    np.testing.assert_array_equal(masker.candidates(prompt)["object"], cut_out_box(picture.color, prompt))
+    np.testing.assert_array_equal(masker.candidates(prompt)[0], cut_out_box(picture.color, prompt))
 
 
 def test_clicks_beside_the_thing_are_none_of_it(session: MaskSession) -> None:
@@ -118,5 +118,32 @@ def test_a_thing_that_the_windows_cut_off_is_found_whole(monkeypatch: pytest.Mon
     color, rgbd = np.full((SIDE, SIDE, 3), 90, np.uint8), without_the_thing()
     color[80:120, 8:184] = (220, 30, 30)
     masker = photo.PhotoMasker(RGBD(color, rgbd.depth, rgbd.camera, rgbd.estimate))
-    found = masker.candidates(Prompt((SIDE, SIDE), ((96, 100),)))["object"]
+    found = masker.candidates(Prompt((SIDE, SIDE), ((96, 100),)))[0]
     assert (found == (color[..., 0] > 200)).all()
+
+
+def two_balls() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A picture with a red and a yellow ball on a lawn, and where each is."""
+    rng = np.random.default_rng(0)
+    v, u = np.mgrid[:200, :300]
+    red, yellow = ((u - middle) ** 2 + (v - 110) ** 2 < 35**2 for middle in (80, 220))
+    color = np.where(red[..., None], (210, 40, 30), (90, 150, 70))
+    color = np.where(yellow[..., None], (240, 220, 40), color) + rng.integers(-8, 9, (200, 300, 3))
+    return np.clip(color, 0, 255).astype(np.uint8), red, yellow
+
+
+def test_clicks_choose_among_what_stands_out() -> None:
+    """The clicked ball alone; without the ball that a pixel next to the object lies on; on the lawn nothing stands out."""
+    color, red, yellow = two_balls()
+    session = MaskSession(color, masker="salient")
+    assert iou(session.find().mask, red | yellow) > 0.85 and session.find().masker == "salient"
+    assert iou(session.find(clicks=[(80, 110)]).mask, red) > 0.85
+    assert iou(session.find(not_clicks=[(80, 110)]).mask, yellow) > 0.85
+    with pytest.raises(MaskError, match="clicks holds 150,20, where there is no salient object"):
+        session.find(clicks=[(150, 20)])
+
+
+def test_a_picture_of_one_colour_is_refused() -> None:
+    """The network stretches what it says to 0..1, and would find something in nothing."""
+    with pytest.raises(MaskError, match="nearly one colour"):
+        find_mask(np.full((60, 80, 3), 90, np.uint8), masker="salient")

@@ -11,6 +11,9 @@ from dlama import DlamaError, InputError, MaskError, MaskSession, ObjectMask, fi
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
+from dlama.perception.masks import small
+from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.small import SmallPicture
 from dlama.perception.object_masks import TOO_MUCH
 from dlama.worlds.dataset import world
 from worlds import Box, Plane, World, box_round, innermost_pixel
@@ -174,3 +177,57 @@ def test_a_mask_prints_as_a_line() -> None:
     """Oracle: by hand."""
     found = ObjectMask(np.eye(4, 5, dtype=bool), {}, "object", "rgbd")
     assert repr(found) == "ObjectMask(object by rgbd, 20 % of 5x4)"
+
+
+LARGE_CAMERA = Camera.from_fov(640, 480, 70)
+LONE_BOX = World((GROUND, WALL, BOX))
+
+
+@pytest.fixture
+def large_scene(monkeypatch: pytest.MonkeyPatch) -> tuple[RGBD, np.ndarray]:
+    """A picture of 307,200 pixels that counts as large, and which of them show its box."""
+    monkeypatch.setattr(small, "LARGEST", 100_000)
+    monkeypatch.setattr(small, "SMALL", 30_000)
+    return LONE_BOX.rgbd(LARGE_CAMERA), LONE_BOX.trace(LARGE_CAMERA)[1] == 2
+
+
+def test_a_small_picture_is_its_own(large_scene: tuple[RGBD, np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: up to LARGEST pixels nothing is shrunk; a larger one has SMALL of them, to a row and a column."""
+    found = SmallPicture.of(large_scene[0])
+    assert found is not None and found.rgbd.depth.size == pytest.approx(30_000, rel=0.01)
+    monkeypatch.setattr(small, "LARGEST", large_scene[0].depth.size)
+    assert SmallPicture.of(large_scene[0]) is None
+
+
+def test_the_outline_is_that_of_the_large_picture(large_scene: tuple[RGBD, np.ndarray]) -> None:
+    """Oracle: the true pixels. The way there and back keeps all but a few of the foot, where depth has no step."""
+    picture = SmallPicture.of(large_scene[0])
+    assert picture is not None
+    back = picture.enlarge(picture.shrink(large_scene[1]))
+    blocky = small.nearest_pixels(picture.shrink(large_scene[1]), large_scene[1].shape)
+    assert (back ^ large_scene[1]).sum() < 0.3 * (blocky ^ large_scene[1]).sum() and iou(back, large_scene[1]) > 0.99
+
+
+def test_a_click_in_a_large_picture(large_scene: tuple[RGBD, np.ndarray]) -> None:
+    """Oracle: the true pixels. Laws: clicks are right to the pixel, also two that share one of the small picture; a click on
+    nothing is named by its place in the large one."""
+    rgbd, true = large_scene
+    at = innermost_pixel(true)
+    assert iou(find_mask(rgbd, clicks=[at]).mask, true) > 0.97
+    beside = at[0] + 1, at[1]
+    found = find_mask(rgbd, clicks=[at], not_clicks=[beside]).mask
+    assert found[int(at[1]), int(at[0])] and not found[int(beside[1]), int(beside[0])]
+    assert iou(find_mask(rgbd, box=box_round(true, 6)).mask, true) > 0.97
+    with pytest.raises(MaskError, match=r"`?clicks`? holds 600,40,"):
+        find_mask(rgbd, clicks=[(600, 40)])
+
+
+def test_clicks_at_the_border_stay_in_the_picture(large_scene: tuple[RGBD, np.ndarray]) -> None:
+    """Law: of clicks anywhere in the large picture the small one has a pixel, and of a thin box one, too."""
+    picture = SmallPicture.of(large_scene[0])
+    assert picture is not None
+    prompt = Prompt((480, 640), ((639.9, 479.9), (0, 0)), ((639.9, 0),), (100, 100, 1, 1))
+    smaller = picture.prompt(prompt)
+    height, width = picture.rgbd.depth.shape
+    assert smaller.on == [(height - 1, width - 1), (0, 0)] and smaller.away == [(0, width - 1)]
+    assert smaller.inside.sum() == 1

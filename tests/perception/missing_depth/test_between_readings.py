@@ -1,4 +1,5 @@
-"""Depth of single readings, as of a LIDAR, filled between them; masks, removals and frames of such depth (oracle: the world)."""
+"""Depth of single readings, as of a LIDAR, filled between them; masks, removals and frames of such depth; missing depth beyond a
+sensor's range (oracles: the world; laws)."""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ from dlama.datasets.sequences.loading import open_frames
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
-from dlama.perception.missing_depth.between_readings import reach_between, repeat_readings
+from dlama.perception.missing_depth.along_colors import DepthByColor
+from dlama.perception.missing_depth.between_readings import move_beyond_range, reach_between, repeat_readings
+from dlama.perception.planes import SMOOTH
 from posed_folders import write_nerfstudio
 from worlds import Box, Plane, World, innermost_pixel, moved
 
@@ -136,3 +139,41 @@ def test_a_data_set_of_scans_is_one_scene_and_its_meta_data_say_how(tmp_path: Pa
         off = np.abs(done.depth / ROOM.rgbd(CAMERA).depth - 1)
         assert (off < 0.02).mean() > 0.95
     assert decided == ["densified", None]
+
+
+SMALL = Camera.from_fov(192, 144, 60)
+LONG_ROOM = World((FLOOR, Plane((0, 0, 9), (0, 0, -1)), Box((-0.5, 0.0, 1.6), (0.5, 1.0, 2.2))))
+
+
+def test_a_room_goes_on_where_the_range_ends() -> None:
+    """Law: what was not seen lies beyond the range, though a table that is nearer touches it; what was measured stays."""
+    true = LONG_ROOM.rgbd(SMALL)
+    lost = true.depth > 4
+    depth = np.where(lost, np.float32(0), true.depth)
+    done = dlama.complete(
+        RGBD(true.color, depth, SMALL, padding=np.zeros(lost.shape, np.bool_)), [SMALL], filler="layered"
+    )
+    assert lost.mean() > 0.3 and (done.view.depth[lost] > 0.95 * 4).all()
+    np.testing.assert_array_equal(done.view.depth[~lost], depth[~lost])
+
+
+def test_a_hole_in_a_near_surface_stays_on_it() -> None:
+    """Law: a screen without depth on a wall of 2 m stays there, however far the room is next to it; so does a small hole at the
+    end of the range."""
+    w = np.full((144, 192), 0.5, np.float32)
+    w[:, 150:] = 0.1
+    for part in (np.s_[40:90, 30:90], np.s_[10:20, 170:180]):
+        missing = np.zeros(w.shape, np.bool_)
+        missing[part] = True
+        filled = DepthByColor(w, np.full(w.shape, SMOOTH, np.int8), missing)
+        assert move_beyond_range(filled, np.where(missing, 0, w).astype(np.float32), missing, missing) is filled
+
+
+def test_between_readings_depth_is_not_moved() -> None:
+    """Law: of a room that a LIDAR read in one pixel of fifty, what is missing between readings stays between them."""
+    true = LONG_ROOM.rgbd(SMALL)
+    depth = true.depth * (np.random.default_rng(0).random(true.depth.shape) < 0.02)
+    done = dlama.complete(
+        RGBD(true.color, depth, SMALL, padding=np.zeros(depth.shape, np.bool_)), [SMALL], filler="layered"
+    )
+    assert (np.abs(done.view.depth / true.depth - 1) < 0.05).mean() > 0.95

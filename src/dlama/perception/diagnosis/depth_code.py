@@ -21,8 +21,6 @@ SIDE = 20
 """Samples across one part."""
 PARTS = (2, 3, 4, 6)
 """Parts have the shorter side of the picture divided by these; each overlaps the next by half."""
-OUTLIERS = 4.0
-"""Residuals beyond this multiple of their median are left out of a fit."""
 EXACT = 2e-4
 """Relative residuals below this are taken as this (rounding of 16 bits)."""
 FEWEST_PARTS = 8
@@ -112,7 +110,7 @@ def fit_codes(depth: NDArray[np.floating], camera: Camera, names: tuple[str, ...
     codes = {name: every[name] for name in names}
     first = np.stack([residuals(*code, known) for code in codes.values()])
     best = first[np.median(first, 2).argmin(0), np.arange(len(values))]
-    kept = known * (best < OUTLIERS * np.median(best, 1, keepdims=True) + EXACT)
+    kept = known * (best < 4 * np.median(best, 1, keepdims=True) + EXACT)  # without outliers
     off = np.minimum(np.stack([residuals(*code, kept) for code in codes.values()]), 0.1)
     rms = np.sqrt((off**2 * kept).sum(2) / np.maximum(kept.sum(1), 1))
     planar = rms.min(0) < 0.01

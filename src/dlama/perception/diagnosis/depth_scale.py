@@ -18,8 +18,6 @@ from dlama.perception.planes import TOLERANCE, find_planes, plane_normal
 UNITS = {1.0: "metres", 1000.0: "millimetres", 5000.0: "1/5000 m (TUM)", 256.0: "1/256 m (KITTI)", 10000.0: "1/10000 m",
          100.0: "centimetres"}  # fmt: skip
 """Values per metre -> what they are called: the usual ones."""
-WIDTH = 200
-"""Width in px of the picture in which planes are searched."""
 FLOOR = (1.25, 0.35)
 """Height of the camera above the floor: typical metres, and standard deviation of its logarithm."""
 ROOM = (2.8, 0.15)
@@ -34,13 +32,8 @@ FULL = 65535
 RARE, LOWEST, HIGHEST = 0.004, 0.008, 0.8
 """Of depth that was stretched to 0..FULL: largest share of pixels at the maximum (more are a code, far, or a clip), largest least
 value and least largest value below it, over FULL."""
-ROTATED, FEWEST = 0.95, 64
-"""Of millimetres whose bits were rotated to the left by three: least share of 16-bit numbers whose lowest three bits are 0, or 1,
-beyond 8.19 m (of others it is 1/4), and how many different numbers there are at least."""
 ROTATED_BITS = "its numbers are multiples of 8, as SUN RGB-D and SUN3D store millimetres (bits rotated by three)"
 UNROTATE = "give `depth_scale=8000`, or, where something is beyond 8.19 m, save (d >> 3) | (d << 13) of 16 bits"
-TOP = 0.99
-"""Values up to this share of FULL, and others at FULL: depth was cut off there."""
 
 
 class Extent(NamedTuple):
@@ -82,10 +75,10 @@ def check_depth_unit(seen: Observed) -> list[Finding]:
 
 
 def share_cut_off(seen: Observed) -> float:
-    """Share of the pixels with depth that are at FULL, where the others reach up to it; else 0."""
+    """Share of the pixels with depth that are at FULL, where the others reach up to it, so that depth was cut off; else 0."""
     known, far = seen.valid, np.isposinf(seen.depth)
     reaches = known.any() and seen.depth[known].max() * (seen.units or 1.0) / FULL
-    return float(far.sum() / (known | far).sum()) if TOP <= reaches <= 1 else 0.0
+    return float(far.sum() / (known | far).sum()) if 0.99 <= reaches <= 1 else 0.0
 
 
 def check_value_range(seen: Observed) -> list[Finding]:
@@ -130,8 +123,8 @@ def has_rotated_bits(depth: np.ndarray, units: float | None) -> bool:
         return False
     codes = np.rint(known[:: max(1, known.size // 2**16)] * 1000).astype(np.int64)
     numbers = np.unique(codes // 8)
-    # multiples of 8, but not all of 16
-    return bool((codes % 8 < 2).mean() >= ROTATED and len(numbers) >= FEWEST and 0.25 < (numbers % 2).mean() < 0.75)
+    # many multiples of 8 (beyond 8.19 m 1 more; of others a quarter is either), but not all of 16
+    return bool((codes % 8 < 2).mean() >= 0.95 and len(numbers) >= 64 and 0.25 < (numbers % 2).mean() < 0.75)
 
 
 def begins_at_camera(depth: np.ndarray) -> bool:
@@ -168,7 +161,7 @@ def measure_extent(seen: Observed) -> Extent | None:
     if valid.sum() < 50:
         return None
     nearest, middle = np.percentile(seen.depth[valid], (2, 50))
-    step = max(1, max(valid.shape) // WIDTH)
+    step = max(1, max(valid.shape) // 200)  # planes are searched in about so many pixels
     known = valid[::step, ::step]
     w = np.where(known, 1 / np.where(known, seen.depth[::step, ::step], 1), 0).astype(np.float32)
     floor, ceiling = floor_and_ceiling(w, known, seen.camera, step)

@@ -12,10 +12,6 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 
 Floats = NDArray[np.float32]
-WIDTH = 320
-"""Width in px of the pictures in which edges are compared."""
-JUMP = 0.06
-"""Relative bend of inverse depth between neighbours at a depth edge."""
 REACH = 0.12
 """Largest tested shift, as a share of the width."""
 ALIGNED = 0.012
@@ -124,7 +120,8 @@ def depth_edges(depth: NDArray[np.floating]) -> list[Floats]:
         a, b, c = (np.roll(w, by, axis) for by in (1, 0, -1))
         there = np.roll(known, 1, axis) & known & np.roll(known, -1, axis)
         bend = np.abs(a - 2 * b + c) / np.maximum(np.maximum(np.maximum(a, b), c), 1e-6)
-        found.append(np.where(there, np.clip(bend / JUMP - 0.5, 0, 1), 0).astype(np.float32))
+        # a relative bend of .06 between neighbours is an edge
+        found.append(np.where(there, np.clip(bend / 0.06 - 0.5, 0, 1), 0).astype(np.float32))
     return found
 
 
@@ -135,7 +132,7 @@ def mask_edges(mask: BoolArray) -> list[Floats]:
 
 
 def _step(depth: NDArray[np.floating]) -> int:
-    return max(1, round(max(depth.shape) / WIDTH))
+    return max(1, round(max(depth.shape) / 320))  # px in which edges are compared
 
 
 def _shrink_edges(edges: list[Floats], step: int) -> Floats:

@@ -18,9 +18,6 @@ from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 from dlama.perception.diagnosis.lens import check_lens
 from dlama.perception.diagnosis.registration import check_mask_registration, check_registration
 
-EXACT_CODES = ("inverse-depth", "radial-depth")
-"""Codes that depth which spans its range exactly may have; a range that begins at the nearest depth resembles a gamma."""
-
 
 def check_mask_coverage(seen: Observed) -> list[Finding]:
     """Reports a mask of wrong polarity, or with hardly any pixels."""
@@ -40,7 +37,8 @@ def run_checks(seen: Observed) -> list[Finding]:
     lens, registration = check_lens(seen.camera), check_registration(seen)
     code, normalised = check_depth_code(seen), check_value_range(seen)
     if normalised:
-        code = [each for each in code if each.check in EXACT_CODES]
+        # a range that begins at the nearest depth resembles a gamma
+        code = [each for each in code if each.check in ("inverse-depth", "radial-depth")]
         normalised = [] if code else normalised
     unit = check_rotated_bits(seen) or ([] if lens or code or normalised else check_depth_unit(seen))
     masks = check_mask_coverage(seen) + ([] if registration else check_mask_registration(seen))

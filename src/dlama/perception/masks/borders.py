@@ -20,10 +20,6 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.supports import Planes
 
-BAND_PX = 3
-"""Pixels inside the mask that missing depth next to it may take from it."""
-HOLE_PX = 12
-"""Pixels by which a mask may grow into missing depth."""
 MOST_PX, LEAST_SCALE = 200_000, 1 / 6
 """Most pixels in which GrabCut runs, for its time is proportional to them (with twice as many a click in photos of 1.7 MP takes
 21 % more, for an IoU larger by .0002, 24 clicks; in pictures of tune it is larger by .0001, 75 clicks); and the smallest scale at
@@ -44,7 +40,7 @@ def snap_to_picture_edges(rgbd: RGBD, target: BoolArray, reach: int, unknown: Bo
     reach: half width in px of the ambiguous band; parts thinner than it keep their depth border. 0: depth fits the picture.
     unknown: H x W, pixels next to the object that have no depth.
     """
-    inner = erode_mask(target, max(reach, BAND_PX))
+    inner = erode_mask(target, max(reach, 3))  # missing depth next to the mask takes no more px from it
     band = unknown & ~inner
     if reach:
         thin = target & ~dilate_mask(morphological_open(target, disc(reach)), 1)

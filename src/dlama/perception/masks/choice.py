@@ -8,9 +8,9 @@ correct the mask (`corrections`).
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.click_network import object_probability
 from dlama.perception.masks.corrections import correct_at_click, correct_mask, probability_in_box
 from dlama.perception.masks.photo import PhotoMasker, name_masks
-from dlama.perception.masks.prompt import NothingThereError, Pixel, Point, Prompt
+from dlama.perception.masks.prompt import NothingThereError, Pixel, Point, Pointed, Prompt
 from dlama.perception.masks.rgbd import Measured, rgbd_candidates
 from dlama.perception.masks.salient import WindowSaliency
 
@@ -31,16 +31,16 @@ AGREES, AGREES_ESTIMATED, AGREES_CAMERA = 0.4, 0.65, 0.8
 picture, of the photo alone, and of a depth camera's."""
 
 
-def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
+def rgbd_masker(rgbd: RGBD, model: None) -> Pointed:
     """The masker of one picture; its planes are found once. With estimated depth the picture leads."""
     if rgbd.estimate is not None:
         photo = PhotoMasker(rgbd)
-        masker, notes = Masker(rgbd, photo.candidates, AGREES_ESTIMATED, photo.seen), [ROUGH]
-    else:
-        measured = Measured.of(rgbd)
-        agrees = AGREES_CAMERA if measured.edge_offset else AGREES
-        masker, notes = Masker(rgbd, partial(rgbd_candidates, measured), agrees), []
-    return lambda prompt: (masker.masks(prompt), tuple(notes))
+        rough = Masker(rgbd, photo.candidates, AGREES_ESTIMATED, photo.seen)
+        return lambda prompt: (rough.masks(prompt), (ROUGH,))
+    measured = Measured.of(rgbd)
+    agrees = AGREES_CAMERA if measured.edge_offset else AGREES
+    masker = Masker(rgbd, partial(rgbd_candidates, measured), agrees)
+    return lambda prompt: (masker.masks(prompt), ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,8 @@ class Masker:
     """A picture, and how objects are found in it."""
 
     rgbd: RGBD
-    find: Callable[[Prompt], dict[str, BoolArray]]
-    """Masks of one click, or of a box, by name."""
+    find: Callable[[Prompt], list[BoolArray]]
+    """Masks (H x W) of one click, or of a box."""
     agrees: float
     """As AGREES."""
     seen: WindowSaliency | None = None
@@ -82,7 +82,7 @@ class Masker:
         found = list[BoolArray]()
         for one in prompts:
             with contextlib.suppress(MaskError):
-                found += [mask & prompt.inside for mask in self.find(one).values()]
+                found += [mask & prompt.inside for mask in self.find(one)]
             rated = network.rate(found)
             if rated and rated[0][0] >= 0.9 * network.own_iou:  # a click amid it takes time
                 break
@@ -134,7 +134,7 @@ class Masker:
         """The masks of `find` with their agreement with the network, the best first; none where `find` fails and depth is missing
         at the click. MaskError: as `find`, elsewhere."""
         try:
-            return network.rate(self.find(prompt).values())
+            return network.rate(self.find(prompt))
         except MaskError:
             if not (network.own.any() and self.rgbd.missing[prompt.on[0]]):
                 raise
@@ -147,32 +147,34 @@ class NetworkMask:
 
     probability: Float32Array
     """H x W, of belonging to the object, in the box of the prompt."""
-    own: BoolArray
-    """H x W, its mask."""
     reach: int
-    """By how many pixels that may be off."""
-    there: float
+    """By how many pixels its mask may be off."""
+    there: float = 1.0
     """Probability that an object is at the click."""
 
     @classmethod
     def of(cls, rgbd: RGBD, prompt: Prompt, seen: WindowSaliency | None) -> NetworkMask:
         """Of a prompt with one click. seen: the picture's saliency where depth is estimated."""
         found = object_probability(rgbd, prompt.on[0], seen)
-        return cls(found.probability, found.probability > 0.5, 1 + found.px, found.there)
+        return cls(found.probability, 1 + found.px, found.there)
 
     @classmethod
     def in_box(cls, rgbd: RGBD, prompt: Prompt) -> NetworkMask:
         """Of a prompt with a box."""
         probability, px = probability_in_box(rgbd, prompt)
-        probability = np.where(prompt.inside, probability, np.float32(0))
-        return cls(probability, probability > 0.5, 1 + px, 1.0)
+        return cls(np.where(prompt.inside, probability, np.float32(0)), 1 + px)
 
-    @property
+    @cached_property
+    def own(self) -> BoolArray:
+        """H x W, its mask."""
+        return self.probability > 0.5
+
+    @cached_property
     def own_iou(self) -> float:
         """Expected intersection over union of its mask and the object."""
         return expected_iou(self.probability, self.own)
 
-    def rate(self, masks: Iterable[BoolArray]) -> list[tuple[float, BoolArray]]:
+    def rate(self, masks: list[BoolArray]) -> list[tuple[float, BoolArray]]:
         """Masks with their expected intersection over union, the best first."""
         return sorted(((expected_iou(self.probability, mask), mask) for mask in masks), key=lambda each: -each[0])
 

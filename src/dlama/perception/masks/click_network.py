@@ -38,10 +38,6 @@ MIDDLE = slice(SIDE // 2 - CLICK_PX, SIDE // 2 + CLICK_PX + 1)
 """Rows, or columns, of the network's planes near the click."""
 FIRST_WINDOW, LARGEST_WINDOW, SMALLEST_WINDOW = 0.75, 1.4, 40
 """Side of the first square and of the largest, over the picture's longer side, and the least in px."""
-WINDOW, MARGIN_PX = 3.0, 8
-"""Side of the next square over the distance that the object reaches from the click, and px more."""
-ROUNDS, SAME_WINDOW = 2, 1.25
-"""Squares after the first, and the ratio of two from which another one is worth its time."""
 
 
 def network(estimated: bool) -> NetworkFile:
@@ -131,10 +127,10 @@ def object_probability(
     radius = int(FIRST_WINDOW * max(hw) / 2)
     salient = [salient_about(seen, pixel, first_window(hw))] * len(SALIENT) if seen else []
     found, objects = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
-    for number in range(ROUNDS):
+    for number in range(2):
         side = 2 * radius + 1
         expected = next_side(found, side, max(hw))
-        if number and 1 / SAME_WINDOW < expected / side < SAME_WINDOW:
+        if number and 1 / 1.25 < expected / side < 1.25:  # another one is not worth its time
             break
         radius = int(expected / 2)
         if seen and not number:
@@ -151,7 +147,7 @@ def next_side(found: Float32Array, side: int, longer: int) -> float:
     expected = side / 2
     if part.any():
         reach = np.abs(np.argwhere(part) - (SIDE - 1) / 2).max() * side / SIDE
-        expected = WINDOW * reach + MARGIN_PX
+        expected = 3 * reach + 8  # px
     return float(np.clip(expected, SMALLEST_WINDOW, LARGEST_WINDOW * longer))
 
 

@@ -43,10 +43,6 @@ from dlama.perception.masks.click_network import (
 )
 from dlama.perception.masks.prompt import Pixel, Prompt, square_about
 
-MARGIN, CLOSER = 1.1, 1.5
-"""Half the side of a square over the reach of the mask, and of the second square over that of the region found in the first."""
-OVERLAP = 0.1
-"""Largest share of another object that the mask has already."""
 NEAR = 1 / 16
 """Radius of what changes where the network finds no region, over the picture's longer side."""
 NETWORK = FOLDER / "correction.onnx"
@@ -58,11 +54,12 @@ that stay as they are."""
 def correct_mask(rgbd: RGBD, mask: BoolArray, prompt: Prompt, alone: Mapping[Pixel, BoolArray]) -> BoolArray:
     """The mask (H x W), in the prompt's box, with what clicks show that it lacks, without the regions of negative clicks.
 
-    alone: (row, column) of the clicks to correct at -> H x W, the object that is found there alone; another one is added whole.
+    alone: (row, column) of the clicks to correct at -> H x W, the object that is found there alone; another one, of which
+    the mask has hardly anything, is added whole.
     """
     for pixel, other in alone.items():
         if not mask[pixel]:
-            apart = other[pixel] and (other & mask).sum() <= OVERLAP * other.sum()
+            apart = other[pixel] and (other & mask).sum() <= 0.1 * other.sum()
             whole = apart and not any(other[away] for away in prompt.away)
             mask = mask | other if whole else correct_at_click(rgbd, mask, pixel, prompt)
     for pixel in prompt.away:
@@ -79,7 +76,8 @@ def correct_at_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, prompt: Prompt) 
     radius = radius_to_see(mask, pixel)
     region, cell = find_region(rgbd, mask, pixel, prompt, radius)
     if region.any():
-        closer = int(np.clip(CLOSER * farthest(region, pixel), SMALLEST_WINDOW / 2, radius))
+        # half the side of a square about the region, which it fills to two thirds
+        closer = int(np.clip(1.5 * farthest(region, pixel), SMALLEST_WINDOW / 2, radius))
         region, cell = find_region(rgbd, mask, pixel, prompt, closer)
     if not region.any() or any(region[other] for other in others):
         region, cell = find_near(wrong, pixel, others), 1
@@ -100,9 +98,9 @@ def find_near(wrong: BoolArray, pixel: Pixel, others: Sequence[Pixel]) -> BoolAr
 
 
 def radius_to_see(mask: BoolArray, pixel: Pixel) -> int:
-    """Half the side in px of the square about (row, column) in which the network sees all of a mask (H x W)."""
+    """Half the side in px of the square about (row, column) in which the network sees a mask (H x W), and a little more."""
     least, most = SMALLEST_WINDOW / 2, LARGEST_WINDOW * max(mask.shape) / 2
-    return int(np.clip(MARGIN * farthest(mask, pixel), least, most))
+    return int(np.clip(1.1 * farthest(mask, pixel), least, most))
 
 
 def farthest(where: BoolArray, pixel: Pixel) -> float:
@@ -168,6 +166,7 @@ def correct_carried(view: View, mask: BoolArray, confirmed: BoolArray, barred: B
     row, column = pixel = innermost_pixel(mask)
     prompt = Prompt(mask.shape, clicks=((column, row),))
     probability = corrected_probability(rgbd, mask, pixel, prompt, radius_to_see(mask, pixel))
+    # carried pixels go where they hardly belong to the object, others come where they probably do
     found = confirmed | np.where(mask, probability > 0.1, (probability > 0.5) & ~barred)
     if view.find_once(edge_uncertainty) < CLEARLY:
         return found

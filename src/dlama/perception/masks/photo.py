@@ -24,16 +24,11 @@ from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_
 
 WINDOWS = (0.5,)
 """Sides of the windows round a click after the first, that of `click_network`, over the root of the picture's area."""
-CLICK_PX = 3
-"""Radius in px in which a click selects a salient region."""
 LEAST_GAIN = 0.05
 """Gain in confidence that the mask of each smaller window needs: the network is often confident of both."""
 CUT_OFF = 0.2
 """Share of a window's border that a mask crosses, from which the whole picture is used, too."""
 
-BOX_WINDOWS = (1.25, 1.6, 2.2)
-"""Sides of the windows round a box, over its longer side; SMALLEST_WINDOW px at least."""
-SMALLEST_WINDOW = 48
 FILLS = 0.75
 """Least intersection over union of a box and its salient region for that to be the object."""
 
@@ -61,9 +56,9 @@ class PhotoMasker:
         self.seen = WindowSaliency(rgbd.color)
         self.known: dict[Pixel, list[Reading]] = {}
 
-    def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """H x W masks of a click or a box: object; part, group where a click has a smaller or a larger reading; none where
-        nothing is salient at a click.
+    def candidates(self, prompt: Prompt) -> list[BoolArray]:
+        """H x W masks of a click or a box, the most confident first: it, a smaller and a larger reading; none where nothing is
+        salient at a click.
 
         MaskError on the sky, and where a box holds nothing.
         """
@@ -73,30 +68,29 @@ class PhotoMasker:
         readings = sorted(self.readings(pixel), key=lambda one: -one.confidence - bool(one.mask[pixel]))
         if readings:
             others = [one.mask for one in readings[1:] if one.cut <= CUT_OFF]
-            return name_masks(readings[0].mask, others)
+            return list(name_masks(readings[0].mask, others).values())
         if self.rgbd.far[pixel]:
             raise NothingThereError(pixel, "which lies on the sky: nothing stands apart there")
-        return {}
+        return []
 
-    def segment_box(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """The salient region where it fills the box, else the region that colours cut out."""
+    def segment_box(self, prompt: Prompt) -> list[BoolArray]:
+        """The salient region where it fills the box, and the region that colours cut out. MaskError where there is neither."""
         filling = self.salient_in_box(prompt.box_slices)
         if filling is None:
-            return {"object": cut_out_box(self.rgbd.color, prompt)}
+            return [cut_out_box(self.rgbd.color, prompt)]
         try:
             others = [cut_out_box(self.rgbd.color, prompt)]
         except MaskError:
             others = []
-        return name_masks(filling, others)
+        return list(name_masks(filling, others).values())
 
     def salient_in_box(self, box: Window) -> BoolArray | None:
         """H x W, the salient region of a box, mean over the windows round it; None where it does not fill FILLS of the box."""
         hw = self.rgbd.depth.shape
         longest = max(sides_of(box))
         row, column = ((side.start + side.stop) // 2 for side in box)
-        windows = [
-            window_around((row, column), max(SMALLEST_WINDOW, round(share * longest)), hw) for share in BOX_WINDOWS
-        ]
+        sides = [max(48, round(share * longest)) for share in (1.25, 1.6, 2.2)]  # px, and over the box's longer side
+        windows = [window_around((row, column), side, hw) for side in sides]
         total = np.zeros(hw, np.float32)
         for window in windows:
             level = self.seen.level(window)
@@ -144,7 +138,7 @@ class PhotoMasker:
         if level is None:
             return None
         row, column = pixel[0] - window[0].start, pixel[1] - window[1].start
-        near = square_about((row, column), CLICK_PX)
+        near = square_about((row, column), 3)  # px in which a click selects a region
         part = region_at(level > 0.5, near)
         if not part.any():
             return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,3 +107,7 @@ class NothingThereError(MaskError):
     def __init__(self, pixel: Pixel, where: str, on: str = "on an object") -> None:
         super().__init__(f"`clicks` holds {pixel[1]},{pixel[0]}, {where}; click {on}, or give a box round it")
         self.pixel, self.where, self.on = pixel, where, on
+
+
+Pointed = Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]
+"""A masker of one picture: prompt -> H x W masks by name (part, object, group; those that differ), and notes."""

@@ -26,7 +26,7 @@ from dlama.geometry.holes import (
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import join_regions
-from dlama.perception.masks.borders import HOLE_PX, at_same_depth, snap_to_picture_edges
+from dlama.perception.masks.borders import at_same_depth, snap_to_picture_edges
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
 from dlama.perception.masks.supports import (
     Planes,
@@ -43,16 +43,8 @@ STEP = 0.01
 """Largest relative depth difference of neighbouring pixels of one piece,"""
 SLOPE = 4.0
 """and its growth per metre between the two pixels: a surface seen at 76 degrees."""
-NOISE_STEP = 4.0
-"""The same, in standard deviations of the noise."""
 SNAP_PX = 6
 """Radius in px in which a click finds the nearest piece: thin objects are hard to hit."""
-BAND_PX = 5
-"""Least width in px of a stand's top: a narrower band is where its plane cuts another surface,"""
-STANDS_GAP = 0.03
-"""largest relative difference in depth where an object touches it,"""
-WIDER = 1.3
-"""and least width of what is seen of it, in widths of the object: the seat of a chair is as wide as its back."""
 OBJECT_GAP = 0.15
 """Largest relative depth difference of touching pieces of one object: a lamp's shade hangs before its pole."""
 GROUP_GAP = 0.3
@@ -130,9 +122,9 @@ def find_touching(pieces: Pieces, target: BoolArray, gap: float) -> list[int]:
     return [int(n) for n in numbers[(close > 1) & (close >= MOSTLY * lengths)]]
 
 
-def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
-    """H x W masks by name (part, object, group; those that differ). MaskError where no object is found: on sky, ground, missing
-    depth."""
+def rgbd_candidates(measured: Measured, prompt: Prompt) -> list[BoolArray]:
+    """H x W masks that differ: of a click the object, the piece at it and a group of objects. MaskError where no object is found:
+    on sky, ground, missing depth."""
     if not prompt.clicks:
         return segment_box(measured, prompt)
     support = find_supports_at(measured, prompt.on[0])
@@ -142,12 +134,9 @@ def rgbd_candidates(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     if stands.any():
         pieces = find_pieces(measured, support | stands)
     own = pieces.at(seed)
-    whole = {
-        "object": merge_pieces(pieces, own, OBJECT_GAP),
-        "part": own,
-        "group": merge_pieces(with_stand, with_stand.at(seed), GROUP_GAP),
-    }
-    return drop_duplicates({name: finish_mask(measured, mask) for name, mask in drop_duplicates(whole).items()})
+    group = merge_pieces(with_stand, with_stand.at(seed), GROUP_GAP)
+    whole = drop_duplicates([merge_pieces(pieces, own, OBJECT_GAP), own, group])
+    return drop_duplicates([finish_mask(measured, mask) for mask in whole])
 
 
 def find_supports_at(measured: Measured, pixel: Pixel) -> BoolArray:
@@ -172,7 +161,8 @@ def find_pieces(measured: Measured, support: BoolArray) -> Pieces:
     offsets = np.array(near, np.int64)
     apart = np.hypot(offsets[:, 0], offsets[:, 1])
     focal = min(rgbd.camera.fx, rgbd.camera.fy)
-    step = STEP + NOISE_STEP * noise * (float(np.median(rgbd.depth[rgbd.valid])) if noise else 0.0)
+    # and four standard deviations of the noise
+    step = STEP + 4 * noise * (float(np.median(rgbd.depth[rgbd.valid])) if noise else 0.0)
     allowed = (step + np.where(apart < 1.5, SLOPE, SLOPE / 3) * apart / focal).astype(np.float32)
     parent = np.arange(free.size, dtype=np.int32)
     join_regions(rgbd.depth, free, offsets, allowed, parent)
@@ -181,7 +171,8 @@ def find_pieces(measured: Measured, support: BoolArray) -> Pieces:
 
 def find_stands(measured: Measured, pieces: Pieces, seed: Pixel) -> BoolArray:
     """H x W, True on the tops of objects that the object at a pixel stands on (a table, a plinth, a traffic island): level
-    planes below it that touch it and are wider."""
+    planes below it that touch it (depths differ by 3 % at most) and are wider: the seat of a chair is as wide as its back. Bands
+    narrower than 5 px are where a plane cuts another surface."""
     found = measured.planes
     out = np.zeros(pieces.free.shape, np.bool_)
     for number in range(len(found.planes)):
@@ -191,9 +182,9 @@ def find_stands(measured: Measured, pieces: Pieces, seed: Pixel) -> BoolArray:
         if (top & pieces.support).any() or top[seed]:
             continue
         on_it = find_pieces(measured, pieces.support | out | top).at(seed)
-        contact = dilate_mask(on_it, TOUCHING_PX) & at_same_depth(found, on_it, STANDS_GAP)
-        touching = regions_touching(morphological_open(top, square(BAND_PX)), contact)
-        if touching.any() and sides_of(box_around(touching, 0))[1] >= WIDER * sides_of(box_around(on_it, 0))[1]:
+        contact = dilate_mask(on_it, TOUCHING_PX) & at_same_depth(found, on_it, 0.03)
+        touching = regions_touching(morphological_open(top, square(5)), contact)
+        if touching.any() and sides_of(box_around(touching, 0))[1] >= 1.3 * sides_of(box_around(on_it, 0))[1]:
             out |= top
     return out
 
@@ -212,11 +203,11 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
 def finish_mask(measured: Measured, mask: BoolArray) -> BoolArray:
     """The mask with its border on the picture's edges."""
     rgbd, offset = measured.rgbd, measured.edge_offset
-    unknown = rgbd.missing & dilate_mask(mask, HOLE_PX)
+    unknown = rgbd.missing & dilate_mask(mask, 12)  # px by which it may grow into missing depth
     return snap_to_picture_edges(rgbd, mask, offset + 1 if offset else 0, unknown)
 
 
-def segment_box(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
+def segment_box(measured: Measured, prompt: Prompt) -> list[BoolArray]:
     """The object in a box: pieces that lie inside it to seven tenths and connect to the largest of them."""
     inside = prompt.inside
     pieces = find_pieces(measured, find_supports(measured.planes, box=inside))
@@ -233,16 +224,15 @@ def segment_box(measured: Measured, prompt: Prompt) -> dict[str, BoolArray]:
     kept = pieces.free & inside & (whole[pieces.label] | (pieces.label == main))
     cropped = dataclasses.replace(pieces, free=kept)
     start = kept & (pieces.label == main)
-    masks = {}
-    for name, gap in (("object", GROUP_GAP), ("part", 0.0)):
-        masks[name] = finish_mask(measured, merge_pieces(cropped, start, gap) & inside)
-    return drop_duplicates(masks)
+    return drop_duplicates(
+        [finish_mask(measured, merge_pieces(cropped, start, gap) & inside) for gap in (GROUP_GAP, 0.0)]
+    )
 
 
-def drop_duplicates(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:
-    """Masks that differ from earlier ones by at least 1 % of their pixels; `object` comes first."""
-    out: dict[str, BoolArray] = {}
-    for name, mask in masks.items():
-        if all((mask ^ other).sum() > 0.01 * (mask | other).sum() for other in out.values()):
-            out[name] = mask
+def drop_duplicates(masks: list[BoolArray]) -> list[BoolArray]:
+    """Masks that differ from earlier ones by at least 1 % of their pixels."""
+    out: list[BoolArray] = []
+    for mask in masks:
+        if all((mask ^ other).sum() > 0.01 * (mask | other).sum() for other in out):
+            out.append(mask)
     return out

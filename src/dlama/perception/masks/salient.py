@@ -6,32 +6,25 @@ first output is 1 x 1 x 320 x 320, high on the object, stretched to 0..1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.models.network_file import ASSETS, shipped_network
 from dlama.perception.depth_networks import IMAGENET
-from dlama.perception.masks.prompt import Pixel, Prompt
+from dlama.perception.masks.prompt import Pixel, Pointed, Prompt
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
 from dlama.perception.resampling import interpolate
 
 MODEL = ASSETS / "u2netp" / "u2netp.onnx"
 SIDE = 320
-FLAT = 0.05
-"""Least range of the output: below it there is no salient object."""
 Window = tuple[slice, slice]
 """Rows and columns."""
 
 
-def salient_masker(
-    picture: RGBD | UInt8Array, model: None
-) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
-    """The masker of one picture: the network runs once."""
-    color = np.asarray(picture.color if isinstance(picture, RGBD) else picture)
+def salient_masker(color: UInt8Array, model: None) -> Pointed:
+    """The masker of one picture (H x W x 3): the network runs once."""
     level = saliency(color)
     return lambda prompt: salient_candidates(level, prompt)
 
@@ -54,7 +47,7 @@ def small_saliency(color: UInt8Array) -> Float32Array:
     name = next(iter(net.inputs))
     out = net.run({name: np.ascontiguousarray(planes.transpose(2, 0, 1)[None], np.float32)})[0, 0]
     low, high = float(out.min()), float(out.max())
-    if high - low < FLAT:
+    if high - low < 0.05:
         raise MaskError("no salient object was found in the picture; click on an object, or give a box round it")
     return np.asarray((out - low) / (high - low), np.float32)
 

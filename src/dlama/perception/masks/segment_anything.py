@@ -6,7 +6,6 @@ data, a PairContract. What a decoder takes follows from the names of its inputs,
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -15,13 +14,13 @@ import cv2
 import numpy as np
 
 from dlama.errors import FileError, InputError, MaskError
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.models.cache import locate, user_path
 from dlama.models.contracts import ColorContract
 from dlama.models.network_file import NetworkFile, open_kept
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.photo import name_masks
-from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.prompt import Pointed, Prompt
 
 ON, NEGATIVE, CORNER, OPPOSITE, PADDING = 1, 0, 2, 3, -1
 """Labels of points: on the object, on the background, upper left and lower right corner of a box, no point."""
@@ -130,12 +129,10 @@ class EmbeddedPicture:
         return table[:, :2] * np.array([shown[1] / self.hw[1], shown[0] / self.hw[0]], np.float32), table[:, 2]
 
 
-def segment_anything_masker(
-    picture: RGBD | UInt8Array, mask_model: object
-) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
-    """The masker of one picture: it is encoded once. InputError: no such pair; FileError: files that keep no contract."""
+def segment_anything_masker(color: UInt8Array, mask_model: object) -> Pointed:
+    """The masker of one picture (H x W x 3): it is encoded once. InputError: no such pair; FileError: files that keep no
+    contract."""
     encoder, decoder, contract = find_pair(mask_model)
-    color = np.asarray(picture.color if isinstance(picture, RGBD) else picture)
     tensor = contract.tensor(color)
     inputs = list(encoder.inputs.items())
     if len(inputs) != 1 or len(inputs[0][1][1]) != tensor.ndim or inputs[0][1][0] != "tensor(float)":

@@ -18,14 +18,8 @@ SMALLEST_SUPPORT = 0.03
 LITTLE_BEHIND = 0.1
 """Largest share of a plane's border with something behind it, for it to be a support: the ground, a ceiling, a wall. Above it
 the plane is the face of an object."""
-BEFORE = 1.01
-"""Inverse depth of a pixel over a plane's from which it lies before the plane."""
-BEHIND = 1.015
-"""Inverse depth of a plane over an adjacent pixel's from which that lies behind the plane."""
 NOISY = 6.0
-"""Least difference for both, in standard deviations of the noise."""
-LEVEL = 0.8
-"""Least cosine between a level plane's normal and the vertical of the camera."""
+"""Least difference of inverse depth of a pixel before or behind a plane, in standard deviations of the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +69,7 @@ def behind_share(
         return 0.0
     value = plane[0] * (columns + 0.5) + plane[1] * (rows + 0.5) + plane[2]
     here = w[rows, columns]
-    return float(np.mean((BEHIND * here < value) & (here + NOISY * noise < value)))
+    return float(np.mean((1.015 * here < value) & (here + NOISY * noise < value)))
 
 
 def find_supports(found: Planes, seed: tuple[int, int] | None = None, box: BoolArray | None = None) -> BoolArray:
@@ -94,13 +88,13 @@ def find_supports(found: Planes, seed: tuple[int, int] | None = None, box: BoolA
 def is_level(found: Planes, number: int, camera: Camera) -> bool:
     """Whether plane `number` faces up, in a camera that is held upright."""
     normal = plane_normal(found.planes[number], camera)
-    return bool(normal[1] >= LEVEL * np.linalg.norm(normal))
+    return bool(normal[1] >= 0.8 * np.linalg.norm(normal))  # within 37 degrees
 
 
 def is_in_front(found: Planes, number: int, seed: tuple[int, int]) -> bool:
     """Whether (row, column) lies before plane `number`, by more than noise."""
     here, plane = found.w[seed], found.value_at(number, *seed)
-    return bool(here > BEFORE * plane and here > plane + NOISY * found.noise)
+    return bool(here > 1.01 * plane and here > plane + NOISY * found.noise)
 
 
 def is_ground(found: Planes, row: int, column: int) -> bool:

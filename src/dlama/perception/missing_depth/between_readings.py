@@ -17,9 +17,6 @@ from dlama.geometry.view import View
 from dlama.perception.missing_depth.along_colors import DepthByColor, fill_along_colors, find_known_surfaces
 from dlama.perception.planes import SMOOTH
 
-REACH, SPACINGS = 0.02, 4.0
-"""Distance from readings up to which depth is missing between them: over the picture's longer side, and over the mean spacing of
-readings; the larger one counts."""
 LEAST_SHARE, BEGINS, RIM_PX = 0.04, 0.3, 3
 """Of a missing part beyond the range: its least share of the picture; the least share of the known pixels round it at the
 range's end; and how far round it they are looked for."""
@@ -53,8 +50,9 @@ def has_single_readings(known: BoolArray) -> bool:
 
 
 def reach_between(known: BoolArray) -> int:
-    """Pixels from a known one (H x W) up to which depth is missing between readings."""
-    return round(max(REACH * max(known.shape), SPACINGS / known.mean() ** 0.5))
+    """Pixels from a known one (H x W) up to which depth is missing between readings: a fiftieth of the picture's longer side, or
+    four mean spacings of readings."""
+    return round(max(0.02 * max(known.shape), 4 / known.mean() ** 0.5))
 
 
 def repeat_readings(depth: Float32Array) -> Float32Array:
@@ -74,7 +72,7 @@ def move_beyond_range(filled: DepthByColor, w: Float32Array, missing: BoolArray,
     near = ~hole & (w > 0)
     if missing.mean() < LEAST_SHARE or not near.any():
         return filled
-    limit = np.float32(np.quantile(w[near], 0.005))
+    limit = np.float32(np.quantile(w[near], 0.005))  # hardly a known pixel is farther
     moved = find_beyond_range(w, missing, near, limit) & filled.reached & (filled.inverse_depth > limit)
     if not moved.any():
         return filled
@@ -93,6 +91,6 @@ def find_beyond_range(w: Float32Array, missing: BoolArray, near: BoolArray, limi
             continue
         this = missing & dilate_mask(part == number, round(1.5 * reach))  # into right-angled corners, too
         rim = w[dilate_mask(this, RIM_PX) & near]
-        if rim.size and (rim < limit / 0.9).mean() >= BEGINS:
+        if rim.size and (rim < limit / 0.9).mean() >= BEGINS:  # nearly at the limit
             out |= this
     return out

@@ -10,8 +10,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 
 SOFT, POWER, JUMP = 2.0, 3.0, 0.1
 """Colour step in levels, exponent, and the relative step of inverse depth above which conductance falls."""
-OVER = 1.8
-"""Factor of over-relaxation."""
 
 
 @kernel
@@ -88,6 +86,6 @@ def relax(
                 if row < rows - 1:
                     total += down[row, column] * level[row + 1, column]
                     weight += down[row, column]
-                change = OVER * (total / weight - level[row, column])
+                change = 1.8 * (total / weight - level[row, column])
                 level[row, column] += change
                 changes[turn] = max(changes[turn], abs(change))

@@ -35,8 +35,6 @@ TRIED = 2
 """Cast shapes that are evaluated, the likeliest first,"""
 LIKELY = 0.04
 """of those with at least this probability."""
-CERTAIN = 0.3
-"""Least probability of the object's shadow."""
 SHADOW = 0.5
 """Least probability of a pixel."""
 
@@ -163,4 +161,4 @@ def shadow_probability(planes: ShadowPlanes) -> Float32Array | None:
     if not found:
         return None
     certainty = parts["verdict"](np.stack([one.features for one in found]))
-    return found[int(certainty.argmax())].probability if certainty.max() >= CERTAIN else None
+    return found[int(certainty.argmax())].probability if certainty.max() >= 0.3 else None

@@ -24,13 +24,8 @@ from dlama.perception.shadows.lit_surface import around, log_luma, measure_darkn
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.perception.shadows.search import SMALLEST_PX
 
-DARKER = 0.1
-"""Least darkness of an ambient shadow (natural logarithm): a tenth."""
-UNDER, DARKEST, SPECKLE_PX = 0.2, 0.1, 1.5
-"""What is right under an object: the reach in square roots of its area; where brightness, smoothed by this sigma, is below this
-quantile of the shadow's."""
-EVEN, RIM_PX = 0.07, 4
-"""Largest residual of the ambient fit (mean of the logarithm), outside the shadow's border, for ambient shadows to be used."""
+RIM_PX = 4
+"""Border of a shadow, in which the ambient fit does not count."""
 
 
 def find_shadow(rgbd: RGBD, mask: BoolArray) -> BoolArray:
@@ -77,10 +72,10 @@ def add_shadows(scene: Scene, masks: Iterable[BoolArray]) -> Iterator[BoolArray]
 
 def grow_under_object(rgbd: RGBD, mask: BoolArray, usable: BoolArray, shadow: BoolArray) -> BoolArray:
     """H x W, the surface right under the object that is darker than nearly all of the shadow: no light gets under a car."""
-    below = 1 + int(UNDER * np.sqrt(mask.sum()))
+    below = 1 + int(0.2 * np.sqrt(mask.sum()))  # px that right under it reaches
     under = cv2.dilate(mask.astype(np.uint8), np.ones((below, 1), np.uint8), anchor=(0, below - 1)) > 0
-    luma = cv2.GaussianBlur(log_luma(rgbd.color), (0, 0), SPECKLE_PX)
-    darker = usable & under & (luma < np.quantile(luma[shadow], DARKEST))
+    luma = cv2.GaussianBlur(log_luma(rgbd.color), (0, 0), 1.5)  # without speckles
+    darker = usable & under & (luma < np.quantile(luma[shadow], 0.1))
     return regions_touching(darker, dilate_mask(mask, EDGE_PX + 1))
 
 
@@ -99,14 +94,14 @@ def grow_ambient_shadow(
     """H x W, the part of the surface darkened by ambient occlusion, fitted outside `shadow`.
 
     occlusion: H x W, `ambient_occlusion`. Where a hard shadow explains the darkness, little is left for the sky. On patterned
-    surfaces a tenth cannot be measured.
+    surfaces, where the fit leaves .07 of the logarithm in the mean, a tenth cannot be measured.
     """
     outside = ground.surface & ~dilate_mask(shadow, RIM_PX)
     darkness = measure_darkness(rgbd, mask, outside, occlusion)
     if darkness is None:
         return np.zeros_like(shadow)
     rest = (darkness.dark - darkness.ambient)[outside & usable & around(mask)]
-    if not rest.size or np.abs(rest).mean() > EVEN:
+    if not rest.size or np.abs(rest).mean() > 0.07:
         return np.zeros_like(shadow)
-    darker = usable & (darkness.share * sky_lost(occlusion) > DARKER)
+    darker = usable & (darkness.share * sky_lost(occlusion) > 0.1)
     return regions_touching(darker, shadow | dilate_mask(mask, RIM_PX))

@@ -18,12 +18,6 @@ from dlama.perception.shadows.ground import EDGE_PX
 
 WINDOW_PX = 5
 """Side in px of the window over which darkness is averaged."""
-FEWEST_PX = 200
-"""Least number of surface pixels round the object."""
-POINTS = 20000
-"""Number of pixels in the fit, about."""
-MOST_HIDDEN = 0.95
-"""Occluded share of the sky beyond which a point is lit from elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +39,12 @@ def measure_darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion:
     """
     near = around(mask)
     usable = surface & near & ~dilate_mask(mask, EDGE_PX)
-    if usable.sum() < FEWEST_PX:
+    if usable.sum() < 200:
         return None
     smooth = smooth_level(rgbd, surface & ~dilate_mask(mask, EDGE_PX))
     hidden = sky_lost(occlusion)
     v, u = np.nonzero(usable)
-    keep = slice(None, None, max(1, len(v) // POINTS))
+    keep = slice(None, None, max(1, len(v) // 20000))
     v, u = v[keep], u[keep]
     height, width = mask.shape
     design, value = quadratic(u / width, v / height), smooth[v, u].astype(np.float64)
@@ -66,8 +60,8 @@ def measure_darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion:
 
 
 def sky_lost(occlusion: Float32Array) -> NDArray[np.float64]:
-    """H x W natural logarithm of the whole sky's light over the unoccluded part."""
-    return np.asarray(-np.log(1 - np.minimum(occlusion, MOST_HIDDEN)), np.float64)
+    """H x W natural logarithm of the whole sky's light over the unoccluded part; what hardly sees it is lit from elsewhere."""
+    return np.asarray(-np.log(1 - np.minimum(occlusion, 0.95)), np.float64)
 
 
 def smooth_level(rgbd: RGBD, surface: BoolArray) -> Float32Array:

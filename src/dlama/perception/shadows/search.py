@@ -28,17 +28,9 @@ FINE_SLOPES = np.linspace(0.82, 1.18, 7)
 """Refinement round the best: factors of the slope,"""
 FINE_TURNS = np.linspace(-2 / 3, 2 / 3, 5)
 """and steps of the direction."""
-REFINED = 6
-"""Number of coarse directions that are refined."""
-SIDE_PX = 256
-"""The picture is reduced by a whole factor to about this many pixels along its longer side."""
 BLUR_PX, STEEPEST = 1.2, 0.08
 """Blur of the reduced picture, and the largest gradient (of the logarithm, per px) that counts, so that lines of a pattern weigh
 no more than borders."""
-SHORTEST_PX = 20
-"""Least border length in the normalisation: short borders are no evidence."""
-FEWEST_PX = 8
-"""Least pixels of the cast shape on the visible surface; a smaller one has no strength."""
 SMALLEST_PX = 25
 """Fewer points of an object, or pixels of a shadow, are ignored."""
 
@@ -47,9 +39,10 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> tuple
     """The direction whose cast shape is strongest, metres over the surface for each metre of height, in camera axes; and its
     strength, flux over its standard deviation by chance, less for a low sun. None where no shape falls on the visible surface.
 
-    seen: H x W, True where the surface is seen.
+    seen: H x W, True where the surface is seen. The picture is reduced by a whole factor to about 256 pixels along its longer
+    side; the six best of the coarse directions are refined.
     """
-    step = max(1, round(max(seen.shape) / SIDE_PX))
+    step = max(1, round(max(seen.shape) / 256))
     height, width = seen.shape[0] // step, seen.shape[1] // step
     whole = seen[: height * step, : width * step].reshape(height, step, width, step)
     seen = np.ascontiguousarray(whole.all((1, 3)))
@@ -67,13 +60,12 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> tuple
         args = *points, offsets(slopes, turns), lens, divergence, seen, stamps, out
         in_bands(cast_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
         flux, pixels, border = out.T
-        strength = (
-            flux / (spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / 2.5) ** 2)
-        )  # a low sun is rare
-        return np.asarray(np.where(pixels < FEWEST_PX, 0, strength))
+        # short borders are no evidence, and a low sun is rare
+        strength = flux / (spread * np.sqrt(np.maximum(border, 20))) / (1 + (slopes / 2.5) ** 2)
+        return np.asarray(np.where(pixels < 8, 0, strength))
 
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
-    top = np.argsort(-strengths(slopes, turns), kind="stable")[:REFINED]
+    top = np.argsort(-strengths(slopes, turns), kind="stable")[:6]
     factors, shifts = (each.ravel() for each in np.meshgrid(FINE_SLOPES, FINE_TURNS, indexing="ij"))
     near = np.outer(slopes[top], factors).ravel(), np.add.outer(turns[top], shifts).ravel()
     fine = strengths(*near)

@@ -16,17 +16,12 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.sky import find_plain_sky
 
-FEATURES = 1500
-"""Corners detected in each picture."""
 ENOUGH = 20
 """Least number of matched corners for a decision."""
 ONE_SCENE = 60
 """Matched corners that no two scenes share by chance (at most 28 in 36 such pairs)."""
 SAME_ROW = 0.05
 """Largest difference, over the height, of the vertical offset of a matched corner of the same scene from the median."""
-FEW = 0.3
-"""Share of the corners below which the flipped picture is tried (a mirrored pair matches 22 % at most, as symmetric objects
-do)."""
 SAME_PLACE = 0.5, 0.9
 """Px within which, and share of, the corners of one and the same picture lie."""
 ROW_OFFSET_PX = (0.8, 1.5)
@@ -59,7 +54,7 @@ Described = tuple[Sequence[cv2.KeyPoint], UInt8Array]
 
 def match_corners(left: UInt8Array, right: UInt8Array) -> Corners:
     """Distinct ORB corners (Rublee et al. 2011) of two pictures (H x W x 3, RGB) that are each other's best match."""
-    finder = cv2.ORB.create(FEATURES)
+    finder = cv2.ORB.create(1500)
     # too small for any, or for OpenCV at all
     if min(*left.shape[:2], *right.shape[:2]) <= 2 * finder.getEdgeThreshold():
         return Corners(np.zeros((0, 2)), np.zeros(0), 0)
@@ -71,7 +66,7 @@ def match_corners(left: UInt8Array, right: UInt8Array) -> Corners:
     offsets = [np.subtract(one.pt, other.pt) for one, other in matched]
     turns = [other.angle - one.angle for one, other in matched]
     mirrored = 0
-    if len(matched) < FEW * found:
+    if len(matched) < 0.3 * found:  # a mirrored pair matches 22 % at most, as symmetric objects do
         flipped = describe_corners(finder, right[:, ::-1])
         mirrored = len(match_described(here, flipped)) if len(flipped[0]) >= 2 else 0
     warmth = [warmth_at(left, [one for one, _ in matched]), warmth_at(right, [other for _, other in matched])]

@@ -25,8 +25,6 @@ Matcher = Callable[[UInt8Array, UInt8Array], tuple[Float32Array, Float32Array]]
 """Left and right picture (H x W x 3, RGB) in; the disparity of each (H x W px, 0 = unknown) out."""
 TOLERANCE_PX = 1.0
 """Left and right disparity of one surface point may differ by this much; so may two searches for it."""
-LARGEST_STEP = 2000
-"""Largest disparity in px of OpenCV's matcher (16 bits, steps of 1/16), less margins."""
 MARGIN_PX = 2
 """Columns added to the range, so that its ends get sub-pixel values as well."""
 BLOCK_SIZE = 3
@@ -55,8 +53,6 @@ DOUBLED_UP_TO_PX = 1600
 """Pictures up to this width are searched finely at twice the width, larger ones as they are."""
 VOLUME = 2.5e8
 """Pixels x disparities of the search along eight paths, which keeps 4 bytes of each; beyond it the pictures are halved."""
-VOLUME_AT_ONCE = 8e7
-"""The same up to which both views are matched at once."""
 SAME_EXPOSURE = 1.1
 """Ratio of brightness up to which pictures are matched as they are. Of one at half the exposure OpenCV's matcher finds 20 % and
 less of the disparities (Motorcycle 91 % to 20 %, Cone 89 % to 20 %), all of them where it is made as bright first."""
@@ -105,7 +101,8 @@ def equalise_exposure(picture: UInt8Array, like: UInt8Array) -> UInt8Array:
 def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None:
     """Raise InputError for a range that is wider than pictures of that width, or than the matcher can say."""
     scale = 2 if width <= DOUBLED_UP_TO_PX else 1
-    most, asked = min(width, LARGEST_STEP // scale), max(-min_disparity, max_disparity)
+    # OpenCV's matcher has 16 bits, in steps of 1/16, less margins
+    most, asked = min(width, 2000 // scale), max(-min_disparity, max_disparity)
     if asked > most:
         raise InputError(
             f"`max_disparity` is {format_value(asked)} px; at most {most} px is expected in pictures {width} px wide"
@@ -169,7 +166,7 @@ def _match_both_ways(
 ) -> tuple[Float32Array, Float32Array]:
     """Both views matched, checked against each other, speckles removed; NaN = unknown."""
     # Mirrored left and right, the right view is a left one: the same matcher serves both.
-    at_once = left.shape[0] * left.shape[1] * (highest - lowest) <= VOLUME_AT_ONCE
+    at_once = left.shape[0] * left.shape[1] * (highest - lowest) <= 8e7  # as VOLUME
     mirrored = right[:, ::-1], left[:, ::-1], lowest, highest, search
     of_right = begin_job(_match, *mirrored) if at_once else partial(_match, *mirrored)
     at_left = _match(left, right, lowest, highest, search)

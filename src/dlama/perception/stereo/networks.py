@@ -127,4 +127,4 @@ def read_file_contract(file: NetworkFile) -> StereoContract:
             f"{file.path}: carries no contract; {sidecar.name} next to it is expected, such as "
             '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
         )
-    return StereoContract.read(text, file.path, strict=True)
+    return StereoContract.read(text, file.path)

@@ -17,9 +17,9 @@ LARGEST_MOVE_PX = 0.5
 """What would move a match farther has crossed an edge."""
 BAND_ROWS, SHARED_ROWS = 512, 64
 """Rows that are refined at once, and seen beyond them, which change little in them: it takes 120 bytes a pixel."""
-SMOOTH_SIZE, SMOOTH_PX, SMOOTH_REACH = 5, 0.25, 2.0
-"""Bilateral filter of disparities: window, and sigmas of disparity and distance, px. A larger one hides the noise of matches:
-planes are then fitted with too small a tolerance, and fills get worse."""
+SMOOTH_PX = 0.25
+"""Sigma of disparity of the bilateral filter. A larger one hides the noise of matches: planes are then fitted with too small a
+tolerance, and fills get worse."""
 
 
 def refine_disparity(left: UInt8Array, right: UInt8Array, disparity: Float32Array, lowest: float) -> Float32Array:
@@ -48,5 +48,5 @@ def denoise(disparity: Float32Array) -> Float32Array:
     known = np.isfinite(disparity)
     low, high = disparity[known].min(), disparity[known].max()
     apart = np.float32(low - 20 * SMOOTH_PX)  # too far away to weigh anything
-    smooth = cv2.bilateralFilter(np.where(known, disparity, apart), SMOOTH_SIZE, SMOOTH_PX, SMOOTH_REACH)
+    smooth = cv2.bilateralFilter(np.where(known, disparity, apart), 5, SMOOTH_PX, 2)
     return np.where(known, np.clip(smooth, low, high), np.float32(np.nan))

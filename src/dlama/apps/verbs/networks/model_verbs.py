@@ -80,7 +80,7 @@ class Info(Report):
             "licence": entry.licence,
             "contract": entry.contract,
             "note": entry.note,
-            "caution": "dlama's authors never had this file in hand",
+            "caution": "dlama's authors never had this file in hand; size and sha256 are as projects that load it publish them",
             "file": f"{target_path(entry)} ({_here(entry)})",
         }
 

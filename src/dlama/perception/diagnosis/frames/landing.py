@@ -13,10 +13,6 @@ from dlama.geometry.motion.poses import transform_points
 from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import RGBD, Float32Array, is_valid
 
-WIDTH = 240
-"""Frames are compared in pictures of about so many pixels across."""
-POINTS = 2000
-"""Points of a frame that are reprojected."""
 LANDS_WITHIN = 0.04
 """Largest relative difference of depth of a point that lands."""
 FEWEST = 25
@@ -72,16 +68,16 @@ def brightness_ratio(first: NDArray[Any], second: NDArray[Any]) -> float:
 
 
 def shrink(frame: RGBD) -> SmallFrame:
-    """Every n-th depth, and the mean grey around it."""
+    """Every n-th depth, and the mean grey around it, in about 240 pixels across; at most 2000 points."""
     hw = frame.depth.shape
-    step = max(1, min(round(max(hw) / WIDTH), *hw))
+    step = max(1, min(round(max(hw) / 240), *hw))
     h, w = (n // step for n in hw)
     depth = np.array(frame.depth[step // 2 :: step, step // 2 :: step][:h, :w])
     grey = cv2.cvtColor(np.ascontiguousarray(frame.color[: h * step, : w * step]), cv2.COLOR_RGB2GRAY)
     means = np.asarray(cv2.resize(grey.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA), np.float32)
     camera = frame.camera.cropped(0, 0, w * step, h * step).resized(w, h)
     known = np.flatnonzero(is_valid(depth))
-    chosen = known[np.linspace(0, len(known) - 1, min(len(known), POINTS)).astype(np.intp)]
+    chosen = known[np.linspace(0, len(known) - 1, min(len(known), 2000)).astype(np.intp)]
     points = rays(camera).reshape(-1, 3)[chosen] * depth.ravel()[chosen, None]
     return SmallFrame(points, means.ravel()[chosen].astype(np.float64), depth, means, camera)
 

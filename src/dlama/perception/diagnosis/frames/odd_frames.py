@@ -29,9 +29,6 @@ from dlama.perception.diagnosis.frames.landing import (
 )
 from dlama.perception.diagnosis.frames.poses import check_poses
 
-NEIGHBOURS = 4
-"""Frames that each one is compared with; most of them must agree."""
-
 
 def compare_frames(frames: Mapping[str, SmallFrame], row: Sequence[str], scene: str) -> list[Finding]:
     """Findings on the poses of frames in a row (by name), without those that do not fit the others; where these fit, on those.
@@ -71,14 +68,14 @@ def find_odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[
 
 
 def neighbours(frames: Sequence[SmallFrame]) -> list[list[int]]:
-    """For each frame those with the nearest cameras and a similar view direction."""
+    """For each frame the four with the nearest cameras and a similar view direction; most of them must agree."""
     middle = np.median([np.median(frame.points[:, 2]) for frame in frames if len(frame.points)] or [np.float64(1)])
     poses = np.array([frame.camera.world_from_cam for frame in frames])
     stands = poses[:, :3, 3] / middle
     looks_at = stands + poses[:, :3, 2]
     away = sum(np.linalg.norm(each[:, None] - each[None], axis=2) for each in (stands, looks_at))
     np.fill_diagonal(away, np.inf)
-    return [list(np.argsort(row, kind="stable")[: min(NEIGHBOURS, len(frames) - 1)]) for row in away]
+    return [list(np.argsort(row, kind="stable")[: min(4, len(frames) - 1)]) for row in away]
 
 
 def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
