@@ -6,7 +6,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -73,41 +73,34 @@ def examine_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
     reader's error where none can."""
     row, scene = frames_in_a_row(frames), frames[0].scene
     spread = np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)
-    looked_at = _look_at({name_of(each): each for each in (*(frames[place] for place in spread), *row)})
-    readable = looked_at.small.keys()
-    if readable.isdisjoint(map(name_of, row)):
-        start = next(place for place in spread if name_of(frames[place]) in readable)
+    small, sizes, unread = _look_at({name_of(each): each for each in (*(frames[place] for place in spread), *row)})
+    if small.keys().isdisjoint(map(name_of, row)):
+        start = next(place for place in spread if name_of(frames[place]) in small)
         row = list(frames[start : start + FRAMES])
-    first = next(each for each in row if name_of(each) in readable)
+    first = next(each for each in row if name_of(each) in small)
     rgbd, name = first.load(), name_of(first)
-    found = run_checks(Observed.of(rgbd, (name, name, name))) + check_sizes(looked_at.sizes, scene)
-    of_poses = compare_frames(looked_at.small, list(map(name_of, row)), scene)
+    found = run_checks(Observed.of(rgbd, (name, name, name))) + check_sizes(sizes, scene)
+    of_poses = compare_frames(small, list(map(name_of, row)), scene)
     if any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in of_poses):
         found = [each for each in found if each.check != "depth-scale"]
-    return [*looked_at.unread, *found, *of_poses], rgbd
+    return [*unread, *found, *of_poses], rgbd
 
 
-class _LookedAt(NamedTuple):
-    """Frames by their names: small, with their heights and widths; and findings on those that cannot be read."""
-
-    small: dict[str, SmallFrame]
-    sizes: dict[str, tuple[int, int]]
-    unread: list[Finding]
-
-
-def _look_at(frames: Mapping[str, Frame]) -> _LookedAt:
-    """The frames, one after the other. The reader's error where none can be read."""
-    found, first_error = _LookedAt({}, {}, []), None
+def _look_at(
+    frames: Mapping[str, Frame],
+) -> tuple[dict[str, SmallFrame], dict[str, tuple[int, int]], list[Finding]]:
+    """The frames by their names: small; their heights and widths; and findings on those that cannot be read. The reader's error
+    where none can."""
+    small, sizes, errors = dict[str, SmallFrame](), dict[str, tuple[int, int]](), list[InputError]()
     for name, each in frames.items():
         try:
             frame = each.load()
-            found.small[name], found.sizes[name] = shrink(frame), frame.camera.hw
+            small[name], sizes[name] = shrink(frame), frame.camera.hw
         except InputError as error:
-            first_error = first_error or error
-            found.unread.append(Finding("reading", "fault", 1.0, error.marked))
-    if first_error is not None and not found.small:
-        raise first_error
-    return found
+            errors.append(error)
+    if errors and not small:
+        raise errors[0]
+    return small, sizes, [Finding("reading", "fault", 1.0, error.marked) for error in errors]
 
 
 def name_of(frame: Frame) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from dlama.arguments import check_arguments
 from dlama.datasets.dataset_checks import Found, examine_dataset
@@ -107,42 +107,27 @@ def diagnose(
     return (*found, Finding("understood", "fine", 1.0, f"{names}: {verdict} {', '.join(parts)}"))
 
 
-class Examination(NamedTuple):
-    """How inputs are looked at."""
+def examination_of(place: Path, given: Mapping[str, Any]) -> tuple[Callable[[], Found], set[str]]:
+    """How inputs are looked at, by the arguments of `diagnose`: as a data set, a photo, a pair, or a picture and its depth; and
+    which of the arguments apply to them. InputError: there is nothing, or a pair without its right picture."""
 
-    run: Callable[[], Found]
-    takes: set[str]
-    """The arguments of `diagnose` that apply to them."""
+    def pick(names: Sequence[str]) -> dict[str, Any]:
+        return {name: given[name] for name in names}
 
-
-def examination_of(place: Path, given: Mapping[str, Any]) -> Examination:
-    """What the inputs are, by the arguments of `diagnose`: a data set, a photo, a stereo pair, or a picture and its depth.
-    InputError: there is nothing, or a pair without its right picture."""
     second, calib = given["second"], given["calib"]
-    lens, reading, masking = (pick(given, names) for names in (LENS, READING, MASKING))
     if place.is_dir() or (second is None and (is_scene_file(place) or is_capture_file(place))):
-        options = pick(given, ("camera", "depth_range", "depth_scale"))
-        return Examination(partial(examine_dataset, place, given["layout"], options), {"layout", *options})
+        options = pick(("camera", "depth_range", "depth_scale"))
+        return partial(examine_dataset, place, given["layout"], options), {"layout", *options}
     if second is None:
-        check_alone(place, calib)
-        return Examination(partial(_examine_photo, place, lens), set(LENS))
+        if not place.exists():
+            raise InputError(f"{place}: no such file or folder")
+        if calib is not None:
+            raise InputError(f"{place}: a left picture needs its right one")
+        return partial(_examine_photo, place, pick(LENS)), set(LENS)
     if calib is not None:
-        return Examination(partial(_examine_pair, place, Path(second), calib), {"second", "calib"})
-    run = partial(_examine_picture, place, Path(second), given["mask"], lens | reading, masking)
-    return Examination(run, {"second", "mask", *LENS, *READING, *MASKING})
-
-
-def pick(given: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """The arguments of these names."""
-    return {name: given[name] for name in names}
-
-
-def check_alone(place: Path, calib: PathLike | None) -> None:
-    """InputError where a file that is given alone is not there, or is the left picture of a pair."""
-    if not place.exists():
-        raise InputError(f"{place}: no such file or folder")
-    if calib is not None:
-        raise InputError(f"{place}: a left picture needs its right one")
+        return partial(_examine_pair, place, Path(second), calib), {"second", "calib"}
+    run = partial(_examine_picture, place, Path(second), given["mask"], pick((*LENS, *READING)), pick(MASKING))
+    return run, {"second", "mask", *LENS, *READING, *MASKING}
 
 
 def _examine_picture(

@@ -84,7 +84,6 @@ def _posed(
 
 OF_FRAMES = ("depth_scale", "max_depth", "resize_depth")
 """Options of all layouts of posed frames: how the files of a frame are read."""
-_FOLDERS = frozenset({"scenes"})
 APPLIED_AFTERWARDS = frozenset({"scenes", "limit"})
 """Options that `select_cases` applies where a layout does not."""
 _LOWRES = ("lowres_wide.traj", "lowres_depth", "lowres_wide_intrinsics")
@@ -96,9 +95,9 @@ LAYOUTS: dict[str, Layout] = {
         easysynth,
         frozenset({"depth_range", "gamma", "removal_object"}),
     ),
-    "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
-    "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),
-    "stereo": Layout("im0.png and im1.png, or left.png and right.png", looks_like_stereo, stereo_folder, _FOLDERS),
+    "pairs": Layout("pairs.json", looks_like_pairs, pairs_json),
+    "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder),
+    "stereo": Layout("im0.png and im1.png, or left.png and right.png", looks_like_stereo, stereo_folder),
     **dict(
         [
             _posed("tum", "rgb.txt, depth.txt and groundtruth.txt", tum, True, parts=("groundtruth.txt", "rgb.txt")),

@@ -6,7 +6,6 @@ source and target). K puts the first pixel's centre at 0.0, as its Kinect source
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.datasets.frames import Case, Dataset
@@ -21,7 +20,7 @@ NAME = "pairs.json"
 looks_like_pairs = holds(NAME)
 
 
-def pairs_json(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
+def pairs_json(root: Path) -> Dataset:
     """The pairs of a folder (itself one, or holding several), in the file's order; `yaw` is the angle of rotation.
 
     Raises FileError, CameraError, naming the field.
@@ -29,7 +28,7 @@ def pairs_json(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
     name = root.resolve().name
     frames: list[PosedFrame] = []
     cases: list[Case] = []
-    for scene, folder in scene_folders(root, looks_like_pairs, NAME, scenes).items():
+    for scene, folder in scene_folders(root, looks_like_pairs, NAME).items():
         fields = read_json_fields(folder / NAME)
         own = _frames(scene, folder, fields)
         frames += own.values()

@@ -8,7 +8,6 @@ with `K, width, height, depth_scale` (metres per unit), optional `pixel_center` 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -35,10 +34,10 @@ NEEDED = (
 looks_like_removal = holds("with.color.png", "without.color.png")
 
 
-def removal_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
+def removal_folder(root: Path) -> Dataset:
     """One case per folder; `root` is such a folder or holds several. Raises FileError, CameraError."""
     name = root.resolve().name
-    folders = scene_folders(root, looks_like_removal, ", ".join(NEEDED), scenes)
+    folders = scene_folders(root, looks_like_removal, ", ".join(NEEDED))
     frames, cases = [], []
     for scene, folder in folders.items():
         files = _files(folder)

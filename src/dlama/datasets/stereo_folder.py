@@ -9,7 +9,6 @@ Format: vision.middlebury.edu/stereo/data/scenes2014.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -37,13 +36,13 @@ _LEFT_DISPARITY = {"im0.png": ("disp0.pfm", "disp0GT.pfm"), "left.png": ("dispar
 _RIGHT_DISPARITY = {"im0.png": ("disp1.pfm", "disp1GT.pfm"), "left.png": ("disp_right.png",)}
 
 
-def stereo_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
+def stereo_folder(root: Path) -> Dataset:
     """One case per pair; `root` is a pair's folder or holds several. No frames: most sets have no metric depth.
 
     Raises FileError.
     """
     name = root.resolve().name
-    folders = scene_folders(root, looks_like_stereo, "im0.png and im1.png, or left.png and right.png", scenes)
+    folders = scene_folders(root, looks_like_stereo, "im0.png and im1.png, or left.png and right.png")
     cases = tuple(
         Case("sii", name, scene, "left_to_right", partial(load_stereo, *_files(folder)))
         for scene, folder in folders.items()

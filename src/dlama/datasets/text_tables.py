@@ -88,18 +88,17 @@ def read_rows(path: Path, *, commas: bool = False, text: str | None = None) -> l
     return rows
 
 
-def matrix_of(rows: Sequence[Row], shape: tuple[int, int], *, finite: bool = True) -> Float64Array:
-    """Rows of a text matrix, blanks between the numbers; raises FileError."""
-    what = f"a row of a {shape[0]}x{shape[1]} matrix"
-    return np.array([row.numbers(what, shape[1], finite=finite) for row in rows], np.float64)
+def matrix_of(rows: Sequence[Row], *, finite: bool = True) -> Float64Array:
+    """4x4 of four rows, blanks between the numbers; raises FileError."""
+    return np.array([row.numbers("a row of a 4x4 matrix", 4, finite=finite) for row in rows], np.float64)
 
 
-def read_matrix(path: Path, shape: tuple[int, int], *, finite: bool = True) -> Float64Array:
-    """A text file that holds one matrix and nothing else; raises FileError."""
+def read_matrix(path: Path, *, finite: bool = True) -> Float64Array:
+    """4x4 of a text file that holds nothing else; raises FileError."""
     rows = read_rows(path)
-    if len(rows) != shape[0]:
-        raise FileError(f"{path}: holds {len(rows)} lines of numbers; a {shape[0]}x{shape[1]} matrix is expected")
-    return matrix_of(rows, shape, finite=finite)
+    if len(rows) != 4:
+        raise FileError(f"{path}: holds {len(rows)} lines of numbers; a 4x4 matrix is expected")
+    return matrix_of(rows, finite=finite)
 
 
 def pose_at(where: str, world_from_cam: Float64Array) -> Float64Array:
@@ -134,14 +133,14 @@ def nearest_in_time(times: Float64Array, time: float, within: float) -> int | No
 
 def read_pose(path: Path) -> Float64Array:
     """A text file with one 4x4 camera-to-world matrix; raises FileError, CameraError."""
-    return pose_at(f"{path}:1:1", read_matrix(path, (4, 4)))
+    return pose_at(f"{path}:1:1", read_matrix(path))
 
 
 def scene_folders(
     root: Path,
     holds_frames: Callable[[Path], bool],
     looked_for: str,
-    scenes: Sequence[str] | None,
+    scenes: Sequence[str] | None = None,
     files: Iterable[str] = (),
 ) -> dict[str, Path]:
     """The folders that hold a scene, by its name: the root, or those up to two levels below; of them the selected `scenes`.

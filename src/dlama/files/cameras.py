@@ -15,9 +15,10 @@ from dlama.arguments import check_arguments
 from dlama.errors import CameraError, FileError, format_size, system_errors, warn
 from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields, read_yaml_pair
 from dlama.files.fields import (
+    LENS,
     FileFields,
     Intrinsics,
-    camera_fields,
+    fields_of,
     json_text,
     json_value,
     read_calib_txt,
@@ -36,8 +37,9 @@ NO_INTRINSICS = (
     "how wide the camera sees is not known: give `fov` in degrees, across the picture (phone main camera about 65, webcam 60, "
     "Kinect 57 to 63, EasySynth 90), or `camera=FILE.json`"
 )
-CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment",
-                 "intrinsics_from")  # fmt: skip
+TEXTS = (".txt", ".csv")
+"""Endings of a calib.txt, and of K alone as text."""
+CAMERA_FIELDS = ("width", "height", *LENS, "K", "pixel_center", "world_from_cam", "comment", "intrinsics_from")
 """The last two say nothing of the camera; meta.json writes the last one."""
 PAIR_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
 DOFFS_TOLERANCE = 0.01
@@ -51,42 +53,52 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
 
     JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3); optional `pixel_center` (where the file puts the first
     pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture has; another in the file
-    is an error. Raises FileError, CameraError; warns of a principal point outside the picture, and of unknown fields.
+    is an error, and a file without a size takes it. Raises FileError, CameraError; warns of a principal point outside the
+    picture, and of unknown fields.
     """
     check_arguments(read_camera, locals())
-    if _is_calib_txt(path):
-        fields = read_calib_txt(path)
-        name = "K" if "K" in fields else "cam0"
-    elif Path(path).suffix.lower() in SUFFIXES:
-        fields, name = read_yaml_fields(path), "K"
-    else:
-        fields = _fields_of_one(path)
-        if "dlama" in fields:  # a meta.json: the camera of image.png, or of estimated depth
-            cameras = fields.entries("cameras", "cameras") if "cameras" in fields else [fields.values.get("camera")]
-            fields = fields.part("camera", cameras[-1])
-        camera = _camera_of(fields, hw)
-        fields.warn_of_unknown(CAMERA_FIELDS)
-        return camera
-    return make_camera(path, fields.size(hw), fields.intrinsics(name), 0.0)
+    return _camera_of(read_camera_fields(path), hw)
 
 
-def _fields_of_one(path: PathLike) -> FileFields:
-    """Those of a JSON file with one camera; FileError for a list, which other verbs take."""
-    if isinstance(listed := json_value(path, text := json_text(path)), list):
+def read_camera_fields(path: PathLike) -> FileFields:
+    """The fields of a file that `read_camera` takes, in the names of our JSON: K (or cam0) or fx, fy, cx, cy; pixel_center,
+    world_from_cam, width and height where the file has them. Raises FileError, CameraError; warns of unknown fields."""
+    suffix = Path(path).suffix.lower()
+    if suffix in TEXTS:
+        return read_calib_txt(path)
+    if suffix in SUFFIXES:
+        return read_yaml_fields(path)
+    found = json_value(path, json_text(path))
+    if isinstance(found, list):
         raise FileError(
-            f"{path}: holds a list of {len(listed)} cameras, one camera is expected; `dlama sequence SCENE --views {path}` and "
+            f"{path}: holds a list of {len(found)} cameras, one camera is expected; `dlama sequence SCENE --views {path}` and "
             f"`dlama video SCENE --path {path}` take a list (SCENE: the folder of a data set, or a scene.npz)"
         )
-    return camera_fields(path, text)
+    fields = fields_of(path, found)
+    if "intrinsic_matrix" in fields:  # of Open3D: K column by column
+        size = {name: fields.values[name] for name in ("width", "height") if name in fields}
+        K = np.reshape(fields.numbers("intrinsic_matrix", 9), (3, 3)).T.tolist()
+        return FileFields(path, {"K": K, "pixel_center": 0.0, **size})
+    if "dlama" in fields:  # a meta.json: the camera of image.png, or of estimated depth
+        cameras = fields.entries("cameras", "cameras") if "cameras" in fields else [fields.values.get("camera")]
+        fields = fields.part("camera", cameras[-1])
+    fields.warn_of_unknown(CAMERA_FIELDS)
+    return fields
+
+
+def intrinsics_in(fields: FileFields) -> Intrinsics:
+    """fx, fy, cx, cy of a camera's fields (`read_camera_fields`), as its file counts pixels. Raises CameraError."""
+    matrix = next((name for name in ("K", "cam0") if name in fields), None)
+    if matrix is None:
+        return fields.lens()
+    if any(name in fields for name in LENS):
+        raise CameraError(f"{fields.path}: K and fx, fy, cx, cy are both given; one of them is expected")
+    return fields.intrinsics(matrix)
 
 
 def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:
-    names = ("fx", "fy", "cx", "cy")
-    if "K" in fields and any(name in fields for name in names):
-        raise CameraError(f"{fields.path}: K and fx, fy, cx, cy are both given; one of them is expected")
-    intrinsics = fields.intrinsics("K") if "K" in fields else [fields.number(name) for name in names]
     pose = fields.matrix("world_from_cam", (4, 4)) if "world_from_cam" in fields else None
-    return make_camera(fields.path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
+    return make_camera(fields.path, fields.size(hw), intrinsics_in(fields), fields.pixel_center(0.5), pose)
 
 
 @system_errors(FileError)
@@ -121,23 +133,23 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
     takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture.
     """
     check_arguments(read_stereo_calib, locals())
-    if _is_calib_txt(path):
-        fields, center = read_calib_txt(path), 0.0
-        left, right = _left_and_right(fields, "cam0", "cam1")
+    suffix = Path(path).suffix.lower()
+    if suffix in TEXTS:
+        fields = read_calib_txt(path)
+        lenses = _left_and_right(fields, "cam0", "cam1")
         baseline = fields.number("baseline") / 1000
         unit = f"baseline is {1000 * baseline:g} mm, as calib.txt counts; if it is in metres, write {1e6 * baseline:g}"
         doubtful = 0 < baseline < 1e-3
     else:
-        is_yaml = Path(path).suffix.lower() in SUFFIXES
+        is_yaml = suffix in SUFFIXES
         fields = read_yaml_pair(path) if is_yaml else read_json_fields(path)
-        center = fields.pixel_center(0.5)
-        left, right = _left_and_right(fields, "left_K", "right_K")
+        lenses = _left_and_right(fields, "left_K", "right_K")
         baseline = fields.number("baseline_m")
         mend = "divide the projection matrix's fourth number by 1000" if is_yaml else f"write {baseline / 1000:g}"
         unit = f"baseline_m is {baseline:g} m; if it is in millimetres, {mend}"
         doubtful = baseline > 20
-    rig = make_rig(path, fields.size(hw), (left, right), center, baseline)
-    if not _is_calib_txt(path):
+    rig = make_rig(path, fields.size(hw), lenses, fields.pixel_center(0.5), baseline)
+    if suffix not in TEXTS:
         fields.warn_of_unknown(PAIR_FIELDS)
     if doubtful:
         warn(f"{path}: {unit}")
@@ -244,10 +256,6 @@ def make_camera(
 def focal_of_film(millimetres: float, hw: tuple[int, ...]) -> float:
     """Pixels of a picture of that size, of a focal length in terms of 35 mm film."""
     return millimetres / FILM_DIAGONAL_MM * math.hypot(*hw)
-
-
-def _is_calib_txt(path: PathLike) -> bool:
-    return Path(path).suffix.lower() == ".txt"
 
 
 def _left_and_right(fields: FileFields, left_K: str, right_K: str) -> tuple[Intrinsics, Intrinsics]:

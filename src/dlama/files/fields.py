@@ -22,6 +22,7 @@ LONGEST_SIDE = 2**24
 
 Intrinsics = tuple[float, float, float, float]
 """fx, fy, cx, cy in pixels, as the file counts them."""
+LENS = ("fx", "fy", "cx", "cy")
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,11 @@ class FileFields:
             raise CameraError(f"{self.path}: {name} is singular or negative (f = {fx:g}, {fy:g}); f > 0 is expected")
         return fx, fy, cx, cy
 
+    def lens(self) -> Intrinsics:
+        """fx, fy, cx, cy from fields of these names; raises CameraError."""
+        fx, fy, cx, cy = (self.number(name) for name in LENS)
+        return fx, fy, cx, cy
+
     def pixel_center(self, default: float) -> float:
         """0.5 or 0.0; raises CameraError."""
         value = self.number("pixel_center") if "pixel_center" in self else default
@@ -83,12 +89,9 @@ class FileFields:
             raise CameraError(f"{self.path}: pixel_center is {value:g}; 0.5 or 0.0 is expected")
         return value
 
-    def size(self, hw: tuple[int, int] | None, needed: bool = False) -> tuple[int, int]:
-        """(height, width) from the file, which must be those of the picture `hw`.
-
-        Where the file has none it is `hw`, unless it is `needed` there. Raises CameraError.
-        """
-        if hw is not None and not needed and "width" not in self and "height" not in self:
+    def size(self, hw: tuple[int, int] | None) -> tuple[int, int]:
+        """(height, width) from the file, which must be those of the picture `hw`; `hw` where the file has none. CameraError."""
+        if hw is not None and "width" not in self and "height" not in self:
             return hw
         height, width = self.count("height"), self.count("width")
         if hw is not None and (height, width) != tuple(hw):
@@ -159,20 +162,14 @@ def json_text(path: PathLike) -> str:
 
 def json_fields(path: PathLike, text: str) -> FileFields:
     """The fields of a JSON object as text; raises FileError that names `path`, line and column."""
-    values = json_value(path, text)
+    return fields_of(path, json_value(path, text))
+
+
+def fields_of(path: PathLike, values: object) -> FileFields:
+    """What a JSON text holds, as the fields of an object; raises FileError for anything else."""
     if not isinstance(values, dict):
         raise FileError(f"{path}:1:1: holds a JSON {type(values).__name__}; an object with named fields is expected")
     return FileFields(path, values)
-
-
-def camera_fields(path: PathLike, text: str) -> FileFields:
-    """The fields of a camera's JSON as text; of Open3D's, which has K column by column, as ours. FileError, CameraError."""
-    fields = json_fields(path, text)
-    if "intrinsic_matrix" not in fields:
-        return fields
-    K = np.reshape(fields.numbers("intrinsic_matrix", 9), (3, 3)).T.tolist()
-    size = {name: fields.values[name] for name in ("width", "height") if name in fields}
-    return FileFields(path, {"K": K, "pixel_center": 0.0, **size})
 
 
 def json_value(path: PathLike, text: str) -> Any:
@@ -196,24 +193,19 @@ def _each_once(path: PathLike, pairs: Sequence[tuple[str, Any]]) -> dict[str, An
 
 
 def read_calib_txt(path: PathLike) -> FileFields:
-    """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`; the same of one of KITTI, and
-    K of a text that holds nothing else. Raises FileError."""
+    """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`; the same of one of KITTI, and K
+    or fx, fy, cx, cy of a text that holds nothing else; pixel_center (0.0). Raises FileError."""
     file = existing_file(path)
-    pairs: list[tuple[str, Any]] = []
     wrong = f"{file}: is no calib.txt of Middlebury or KITTI and no K (9 or 16 numbers, or fx fy cx cy)"
     with any_error(FileError, f"{wrong}, lines 'name=value' are expected"):
         text = file.read_text(encoding="utf-8-sig")
-        if kitti := _kitti_fields(text):
-            return FileFields(file, kitti)
-        if K := _matrix_fields(text):
-            return FileFields(file, K)
-        for line in text.splitlines():
-            if line.strip():
-                name, sign, value = line.partition("=")
-                if not sign:
-                    raise FileError(f"{wrong}: a line is {line[:60]!r}; 'name=value' is expected, or a JSON file")
-                pairs.append((name.strip(), _calib_value(value.strip())))
-    return FileFields(file, _each_once(file, pairs))
+        values = _kitti_fields(text) or _matrix_fields(text)
+        if not values:
+            lines = [line.partition("=") for line in text.splitlines() if line.strip()]
+            if other := next((line for line, sign, _ in lines if not sign), ""):
+                raise FileError(f"{wrong}: a line is {other[:60]!r}; 'name=value' is expected, or a JSON file")
+            values = _each_once(file, [(name.strip(), _calib_value(value.strip())) for name, _, value in lines])
+    return FileFields(file, {**values, "pixel_center": 0.0})
 
 
 def _kitti_fields(text: str) -> dict[str, Any]:
@@ -230,15 +222,14 @@ def _kitti_fields(text: str) -> dict[str, Any]:
 
 
 def _matrix_fields(text: str) -> dict[str, Any]:
-    """K of a text of numbers alone: 3 x 3 (BOP's scenes, cam_K.txt) or 4 x 4 (ScanNet), or fx fy cx cy (ETH3D's SLAM
+    """K of a text of numbers alone: 3 x 3 (BOP's scenes, cam_K.txt) or 4 x 4 (ScanNet); or fx, fy, cx, cy (ETH3D's SLAM
     sequences); {}: it is none."""
     try:
         numbers = np.array(text.replace(",", " ").split(), np.float64)
     except ValueError:
         return {}
     if numbers.size == 4:
-        fx, fy, cx, cy = numbers.tolist()
-        return {"K": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]}
+        return dict(zip(LENS, numbers.tolist()))
     side = {9: 3, 16: 4}.get(numbers.size)
     return {"K": numbers.reshape(side, side)[:3, :3].tolist()} if side else {}
 

@@ -57,5 +57,4 @@ def _camera(path: Path) -> tuple[Lens, np.ndarray]:
     fields = read_json_fields(path)
     rows = [[fields.number(f"t_{row}{column}") for column in range(4)] for row in range(3)]
     pose = pose_at(str(path), np.array([*rows, [0.0, 0.0, 0.0, 1.0]]) @ CV_FROM_GL)
-    fx, fy, cx, cy = (fields.number(name) for name in ("fx", "fy", "cx", "cy"))
-    return Lens(str(path), (fx, fy, cx, cy), 0.5, fields.size(None)), pose
+    return Lens(str(path), fields.lens(), 0.5, fields.size(None)), pose

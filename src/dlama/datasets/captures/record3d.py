@@ -71,8 +71,8 @@ def _lens(fields: FileFields, number: int, hw: tuple[int, int]) -> Lens:
         row = FileFields(fields.path, {"perFrameIntrinsicCoeffs": each[number]})
         fx, fy, cx, cy = row.numbers("perFrameIntrinsicCoeffs", 4)
         return Lens(str(fields.path), (fx, fy, cx, cy), 0.5, hw)
-    K = fields.numbers("K", 9)
-    return Lens.of_matrix(str(fields.path), [K[row::3] for row in range(3)], 0.5, hw)
+    K = FileFields(fields.path, {"K": np.reshape(fields.numbers("K", 9), (3, 3)).T})
+    return Lens(str(fields.path), K.intrinsics("K"), 0.5, hw)
 
 
 def color_of_member(place: Path, name: str) -> UInt8Array:

@@ -74,11 +74,6 @@ def is_color(message: Any) -> bool:
     return message.encoding in COLORS if hasattr(message, "encoding") else "compressedDepth" not in message.format
 
 
-def is_read(message: Any) -> bool:
-    """Whether a picture is in one of the encodings that are read."""
-    return is_color(message) or is_depth(message)
-
-
 def color_of(message: Any, where: str) -> UInt8Array:
     """H x W x 3 RGB. FileError, which begins with `where`."""
     if not hasattr(message, "encoding"):

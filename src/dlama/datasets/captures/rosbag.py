@@ -31,7 +31,6 @@ from dlama.datasets.captures.ros_messages import (
     intrinsics_of_info,
     is_color,
     is_depth,
-    is_read,
     is_rectified,
     seconds_of,
     times_to_match,
@@ -124,7 +123,7 @@ class Bag:
         options = dict[str, float]()
         for topic, kind, place, message in self._messages():
             if kind in IMAGES:
-                if is_read(message):
+                if is_color(message) or is_depth(message):
                     frame = realsense.stream_of(topic) or message.header.frame_id
                     pictures.setdefault(topic, (message, []))[1].append((seconds_of(message), place, frame))
                 else:

@@ -9,13 +9,14 @@ pictures. Format: github.com/strayrobots/scanner (format.md).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from dlama.datasets.captures.captured_frames import levels_of_png, lidar_frame
-from dlama.datasets.posed.lenses import Lens
+from dlama.datasets.posed.lenses import Lens, read_lens
 from dlama.datasets.posed.posed_frames import Listed
-from dlama.datasets.text_tables import Row, files_by_stem, holds, matrix_of, pose_of, read_rows
+from dlama.datasets.text_tables import Row, files_by_stem, holds, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.video_frames import read_video_frame, video_times
@@ -29,7 +30,7 @@ BARE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     names, rows = _odometry(folder / ODOMETRY)
-    shared = None if {"fx", "fy", "cx", "cy"} <= set(names) else _matrix(folder)
+    shared = None if {"fx", "fy", "cx", "cy"} <= set(names) else replace(read_lens(folder / MATRIX), pixel_center=0.5)
     pictures = len(video_times(folder / VIDEO))
     depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
     for place, row in enumerate(rows):
@@ -61,11 +62,3 @@ def _odometry(path: Path) -> tuple[Sequence[str], list[Row]]:
     if missing:
         raise FileError(f"{path}:1: has no column {missing[0]}; {', '.join(BARE)} are expected")
     return names, rows
-
-
-def _matrix(folder: Path) -> Lens:
-    path = folder / MATRIX
-    rows = read_rows(path, commas=True)
-    if len(rows) != 3:
-        raise FileError(f"{path}: holds {len(rows)} lines of numbers; a 3x3 matrix is expected")
-    return Lens.of_matrix(str(path), matrix_of(rows, (3, 3)).tolist(), 0.5)

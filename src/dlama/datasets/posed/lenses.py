@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dlama.datasets.text_tables import read_matrix, read_rows
 from dlama.errors import CameraError, FileError
-from dlama.files.camera_yaml import SUFFIXES, read_yaml_fields
-from dlama.files.cameras import make_camera, read_camera
+from dlama.files.cameras import intrinsics_in, make_camera, read_camera_fields
 from dlama.files.fields import FileFields, Intrinsics
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.writing.atomic_write import PathLike
@@ -34,13 +32,6 @@ class Lens:
     scales: bool = False
     """Whether pictures of other sizes and the same proportions have them too, scaled."""
 
-    @classmethod
-    def of_matrix(
-        cls, source: str, K: Sequence[Sequence[float]], center: float, hw: tuple[int, int] | None = None
-    ) -> Lens:
-        """Of a 3x3 matrix; raises CameraError that begins with the source for one that is none of a pinhole camera."""
-        return cls(source, FileFields(source, {"the matrix K": K}).intrinsics("the matrix K"), center, hw)
-
     def camera(self, world_from_cam: Float64Array, hw: tuple[int, ...] | None = None) -> Camera:
         """The camera at a pose, of a picture of that size where they are for none; raises CameraError."""
         height, width = self.hw or hw or ()
@@ -53,7 +44,7 @@ def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str
     Raises CameraError with the `advice` where there is none; FileError.
     """
     if isinstance(camera, Camera):
-        return _of_camera(camera, "the given camera")
+        return Lens("the given camera", (camera.fx, camera.fy, camera.cx, camera.cy), 0.5, camera.hw)
     if camera is not None:
         return read_lens(Path(camera))
     for place in (folder, *folder.parents):
@@ -66,22 +57,13 @@ def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str
 
 
 def read_lens(path: Path) -> Lens:
-    """Our camera JSON (its pose is not used), the YAML of ROS or OpenCV, Open3D's camera_intrinsic.json, or a text file with a
-    3x3 K, a 4x4 one with nothing in the last row and column (ScanNet), or fx fy cx cy (ETH3D's SLAM sequences).
+    """The intrinsics of any file that `read_camera` takes, whose size may be that of a picture to come; its pose is not used.
 
-    The first pixel of all but the first has its centre at 0.0. Raises FileError, CameraError.
+    Raises FileError, CameraError.
     """
-    if path.suffix.lower() == ".txt":
-        rows = read_rows(path)
-        if len(rows) == 1:
-            fx, fy, cx, cy = rows[0].numbers("fx fy cx cy", 4)
-            return Lens(str(path), (fx, fy, cx, cy), 0.0)
-        size = 4 if len(rows) == 4 else 3
-        return Lens.of_matrix(str(path), read_matrix(path, (size, size))[:3, :3].tolist(), 0.0)
-    if path.suffix.lower() in SUFFIXES:
-        fields = read_yaml_fields(path)
-        return Lens(str(path), fields.intrinsics("K"), 0.0, fields.size(None) if "width" in fields else None)
-    return _of_camera(read_camera(path), str(path))
+    fields = read_camera_fields(path)
+    hw = fields.size(None) if "width" in fields else None
+    return Lens(str(path), intrinsics_in(fields), fields.pixel_center(0.5), hw)
 
 
 def json_lens(fields: FileFields) -> Lens:
@@ -95,7 +77,3 @@ def units_per_metre(fields: FileFields, name: str, default: float | None = None)
     if scale <= 0:
         raise FileError(f"{fields.path}: {name} is {scale:g}; metres per unit > 0 are expected")
     return 1 / scale
-
-
-def _of_camera(camera: Camera, source: str) -> Lens:
-    return Lens(source, (camera.fx, camera.fy, camera.cx, camera.cy), 0.5, camera.hw)

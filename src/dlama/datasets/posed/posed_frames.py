@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -191,18 +191,10 @@ def measured_depth(files: FrameFiles) -> Float32Array:
     return np.where(known & ~beyond, depth, np.float32(0)).astype(np.float32)
 
 
-class Readings(NamedTuple):
-    """How many readings depth has."""
-
-    every: int
-    beyond: int
-    """Those beyond the range."""
-
-
-def count_readings(files: FrameFiles) -> Readings:
-    """Of the depth of a frame, without those that are not confident."""
+def count_readings(files: FrameFiles) -> tuple[int, int]:
+    """How many confident readings the depth of a frame has, and how many of them lie beyond the range."""
     _, known, beyond = _readings(files)
-    return Readings(int(known.sum()), int((known & beyond).sum()))
+    return int(known.sum()), int((known & beyond).sum())
 
 
 def _readings(files: FrameFiles) -> tuple[Float32Array, BoolArray, BoolArray]:

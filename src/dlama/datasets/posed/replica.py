@@ -46,6 +46,5 @@ def lens_and_units(folder: Path, root: Path, camera: CameraOption) -> tuple[Lens
         return lens_for(folder, root, camera, ("camera.json",), f"no {PARAMETERS}"), UNITS
     fields = read_json_fields(found[0])
     fields = fields.part("camera", fields.values.get("camera"))
-    fx, fy, cx, cy = (fields.number(name) for name in ("fx", "fy", "cx", "cy"))
     units = fields.number("scale") if "scale" in fields else UNITS
-    return Lens(str(fields.path), (fx, fy, cx, cy), 0.0, (fields.count("h"), fields.count("w"))), units
+    return Lens(str(fields.path), fields.lens(), 0.0, (fields.count("h"), fields.count("w"))), units

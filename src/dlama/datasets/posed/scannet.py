@@ -29,7 +29,7 @@ def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
         if name not in colors:
             yield name, "without a picture"
             continue
-        pose = read_matrix(path, (4, 4), finite=False)
+        pose = read_matrix(path, finite=False)
         if np.isfinite(pose).all():
             yield name, files_of(colors[name], folder / "depth" / f"{name}.png", lens, pose_at(f"{path}:1:1", pose))
         else:

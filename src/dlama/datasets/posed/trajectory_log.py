@@ -58,5 +58,5 @@ def read_log(path: Path, pictures: int) -> dict[int, Float64Array]:
             raise FileError(f"{head.at(0)}: the frame's place is {head.words[0]}; 0 to {pictures - 1} is expected")
         if place in poses:
             raise FileError(f"{head.at(0)}: frame {head.words[0]} comes a second time")
-        poses[int(place)] = pose_at(matrix[0].at(0), matrix_of(matrix, (4, 4)))
+        poses[int(place)] = pose_at(matrix[0].at(0), matrix_of(matrix))
     return poses

@@ -17,7 +17,7 @@ from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
 from dlama.files.rasters.pcd_files import read_pcd
 from dlama.files.rasters.pictures import DEPTH_PNG, ROWS_AT_ONCE, write_png
 from dlama.geometry.projection import depth_from_inverse
-from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
+from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, is_valid, mark_far
 from dlama.perception.resampling import smooth_quantised
 from dlama.writing.atomic_write import PathLike
 
@@ -234,7 +234,7 @@ def _check_plausible(
     path: PathLike, depth: Float32Array, scale: float, depth_range: float | None, stated: bool
 ) -> float:
     """The median depth of what is not beyond FAR_METRES. DepthError of an unlikely one, unless they were stated to be metres."""
-    valid = depth[_valid(depth)]
+    valid = depth[is_valid(depth)]
     near = valid[valid <= FAR_METRES]
     if not valid.size:
         far = int(np.isposinf(depth).sum())
@@ -294,7 +294,3 @@ def check_positive(**options: float | None) -> None:
     for name, value in options.items():
         if value is not None and not (is_finite(value) and value > 0):
             raise DepthError(f"`{name}` is {value!r}; a number > 0 is expected")
-
-
-def _valid(depth: np.ndarray) -> np.ndarray:
-    return (depth > 0) & (depth < np.inf)
