@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 from collections.abc import Mapping
@@ -173,7 +172,3 @@ def check_pair(pair: object) -> None:
     """Source and target are different frames of the world, of cameras that turned by what stands in TURNS."""
     assert isinstance(pair, ViewTruth) and pair.exposure_varies
     assert np.abs(pair.source.camera.world_from_cam - pair.target.camera.world_from_cam).max() > 0.01
-
-
-def without_pose(camera: Camera) -> Camera:
-    return dataclasses.replace(camera, world_from_cam=np.eye(4))

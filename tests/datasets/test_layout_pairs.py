@@ -11,7 +11,7 @@ import pytest
 
 from dlama.datasets.frames import ViewTruth
 from dlama.datasets.layouts import open_dataset
-from dlama.errors import DlamaError, FileError
+from dlama.errors import DlamaError
 from dlama.geometry.projection import lift, project
 from posed_folders import LENS, TURNS, check_frames, opencv_K, truth, write_codes16, write_picture
 
@@ -91,13 +91,3 @@ def test_a_closed_form_world_there_and_back(tmp_path: Path, changes: dict[str, A
 def test_bad_listings_are_named(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(DlamaError, match=message):
         open_dataset(written(tmp_path, **changes))
-
-
-def test_listings_cost_no_picture(tmp_path: Path) -> None:
-    """Pictures are read by `load`: a missing one is no error before."""
-    root = written(tmp_path)
-    (root / "1.png").unlink()
-    cases = open_dataset(root).cases
-    with pytest.raises(FileError, match=r"1\.png: no such file"):
-        cases[0].load()
-    cases[1].load()

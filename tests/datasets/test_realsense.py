@@ -16,7 +16,6 @@ import pytest
 
 from dlama import read_color, read_scene
 from dlama.apps.cli import main
-from dlama.datasets.captures.realsense import split_image
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect
 from dlama.datasets.sequences.loading import open_frames
@@ -172,13 +171,3 @@ def test_what_a_recording_lacks_is_said(tmp_path: Path, caplog: pytest.LogCaptur
         FileError, match=r"'device_0/sensor_0/Depth_0' and colour in 'device_0/sensor_1/Color_0', and no"
     ):
         open_frames(write_recording(tmp_path / "b.bag", extrinsics=False))
-
-
-def test_images_are_split_where_they_end() -> None:
-    """Closed form: a message of ROS 1 with a text of any length; more or fewer bytes behind it are no unit."""
-    text = b"hello"
-    body = struct.pack("<III", 1, 2, 3) + struct.pack("<I", len(text)) + text + struct.pack("<II", 1, 2)
-    body += struct.pack("<I", 6) + b"mono16" + struct.pack("<BI", 0, 4) + struct.pack("<I", 4) + b"data"
-    assert split_image(body) == (body, None)
-    assert split_image(body + struct.pack("<f", 0.5)) == (body, 0.5)
-    assert split_image(body + b"xyz") == (body, None)

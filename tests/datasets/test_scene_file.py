@@ -12,11 +12,9 @@ import pytest
 import dlama
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.view_pairs import NoPairsError
-from dlama.datasets.sequences.loading import slice_frames
 from dlama.errors import FileError, InputError
-from dlama.files.scenes.scene_npz import read_npz, write_npz
+from dlama.files.scenes.scene_npz import write_npz
 from dlama.geometry.camera import Camera
-from dlama.geometry.frames.stored import PixelCache, StoredView
 from dlama.geometry.rgbd import RGBD
 from worlds import Box, Plane, World, moved
 
@@ -90,15 +88,3 @@ def test_doctor_and_view_take_one(file: Path) -> None:
     target = dlama.orbit(scene.layers[1].camera, 4.0, 0.0, 2.5)
     views = dlama.view(scene, yaw=4, pivot=2.5, filler="telea"), dlama.complete(scene, [target], filler="telea")
     np.testing.assert_array_equal(views[0].view.color, views[1].view.color)
-
-
-def test_layers_of_a_file_are_read_when_they_are_needed(file: Path) -> None:
-    """With a cache that holds nothing: the same bits as of the file read whole."""
-    cache = PixelCache(0)
-    whole, stored = read_npz(file)[1], read_npz(file, cache)[1]
-    assert all(isinstance(layer, StoredView) for layer in stored.layers)
-    for layer, theirs in zip(stored.layers, whole.layers):
-        mine = layer.load()
-        for plane in ("color", "depth", "hole", "origin", "confidence"):
-            np.testing.assert_array_equal(getattr(mine, plane), getattr(theirs, plane))
-    assert cache.bytes == 0 and slice_frames(whole.layers, ":1") == (whole.layers[0],)

@@ -169,14 +169,6 @@ def test_the_loop_ends_where_it_begins(photo: Photo3D, monkeypatch: pytest.Monke
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["loop.mp4", "loop.webp", "meta.json"]
 
 
-def test_the_scene_comes_back(folder: Path, photo: Photo3D) -> None:
-    """read_scene gives as many layers, and the same picture."""
-    scene = dlama.read_scene(folder / "scene.npz")
-    assert len(scene.layers) == len(photo.scene.layers)
-    turned = photo.box.at(1, 0.5, -1)
-    assert (dlama.render(scene, turned).color == dlama.render(photo.scene, turned).color).all()
-
-
 def test_unknown_names_are_refused(photo: Photo3D, tmp_path: Path) -> None:
     """Before anything is written."""
     with pytest.raises(InputError, match=r"'obj'.*page, mesh"):

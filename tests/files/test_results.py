@@ -20,7 +20,6 @@ from dlama.files.rasters.depth import read_depth
 from dlama.files.results.completion import BY_DEFAULT, RESULTS, check_results, file_names, write
 from dlama.files.results.preview import source_panel
 from dlama.files.scenes import textured_mesh
-from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.motion.trajectories import orbit
@@ -64,15 +63,6 @@ def test_hole_has_what_lacked_only_depth(tmp_path: Path) -> None:
     done = complete(RGBD(rgbd.color, depth, CAMERA), [CAMERA], filler="telea")
     folder = write(done, tmp_path / "out", only=["hole"])
     np.testing.assert_array_equal(pixels(folder / "hole.png") == 255, depth == 0)
-
-
-def test_npz_is_everything(removal: Completion, folder: Path) -> None:
-    """Lossless: view and layers come back bit for bit."""
-    view, scene = read_npz(folder / "scene.npz")
-    assert (view.depth == removal.view.depth).all()
-    assert (view.confidence == removal.view.confidence).all()
-    assert len(scene.layers) == len(removal.scene.layers)
-    assert (scene.removals[0].color == removal.scene.removals[0].color).all()
 
 
 def test_clouds(removal: Completion, folder: Path) -> None:

@@ -14,7 +14,7 @@ from PIL import Image
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, orbit_yaw
 from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
 from dlama.datasets.easysynth.writer import write_scene
-from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
 from dlama.geometry.motion.poses import quaternion_from_rotation, rotation_from_quaternion
@@ -71,22 +71,6 @@ def test_street_exr_agrees_with_millimetres(street: Path, tmp_path: Path) -> Non
     near = millimetres.depth < 9.99
     assert np.abs(exr.depth[near] - millimetres.depth[near]).max() <= 10 * 6.4e-4
     assert exr.far[millimetres.depth > 10.01].all() and not exr.far[near].any()
-
-
-def test_street_stereo_matches_by_its_disparity(street: Path) -> None:
-    """Law: the right picture at x - d shows what the left shows at x (outside occlusions), at x + d it does not."""
-    truth = easysynth(street / "s06").of("sii")[0].load()
-    assert isinstance(truth, StereoTruth) and truth.mask_left is not None and truth.without_left is not None
-    assert truth.rig.baseline_m == pytest.approx(0.12, abs=1e-9)
-    rows, columns = np.indices(truth.disparity_left.shape)
-
-    def difference(sign: int) -> float:
-        at = np.rint(columns + sign * truth.disparity_left).astype(int)
-        inside = (truth.disparity_left > 2) & (at >= 0) & (at < 512)
-        there = truth.right[rows[inside], at[inside]].astype(float)
-        return float(np.median(np.abs(there - truth.left[inside])))
-
-    assert difference(-1) < 3 < 3 * difference(-1) < difference(1)
 
 
 # Poses

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -106,18 +105,6 @@ def test_the_exr_holds_normalised_half_floats(scene: Path) -> None:
     for channel in "RGB":
         np.testing.assert_array_equal(read_exr(path, channel), np.minimum(depth / 10, 1).astype(np.float16))
     assert (read_exr(path, "A") == 1).all()
-
-
-def test_reading_the_exr_alone(tmp_path: Path) -> None:
-    """Round trip without DepthMM: within half a step of half floats (2^-12 of the range), far from the range on."""
-    frame = shot(CAMERA)
-    folder = tmp_path / "seq" / "with"
-    write_scene(tmp_path, "seq", {"with": [frame]}, depth_range=6.0, classes=CLASSES)
-    shutil.rmtree(folder / "CameraComponent" / "DepthMM")
-    read = easysynth(folder, depth_range=6.0).frames[0].load()
-    true = frame.rgbd.depth
-    assert read.far[true >= 6].all() and read.far.any() and not read.far[true < 5.99].any()
-    assert np.abs(read.depth - true)[read.valid].max() <= 6.0 * 2**-12 + 1e-6
 
 
 def test_text_files_are_as_easysynth_writes_them(scene: Path) -> None:
