@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -33,54 +32,28 @@ def write_contact_sheet(
     Texts in Latin letters: the font that ships with Pillow has no Greek.
     Raises OutputError.
     """
-    rows = rows_of(panels)
-    columns = len(rows[0].panels)
-    cell = max(PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH, *(row.width for row in rows))
+    fitted = [(fit_panel(array), wrap_text(name, PANEL_WIDTH, font(CAPTION_SIZE))) for name, array in panels]
+    columns = columns_for(len(panels))
+    rows = [fitted[first : first + columns] for first in range(0, len(panels), columns)]
+    texts = [line_height(CAPTION_SIZE) * max(len(caption) for _, caption in row) + CAPTION_GAP for row in rows]
+    heights = [text + max(picture.height for picture, _ in row) + GAP for text, row in zip(texts, rows)]
+    cell = max(PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH, *(picture.width for picture, _ in fitted))
     width = columns * cell + (columns + 1) * GAP
     heading = wrap_text(title, width - 2 * GAP, font(TITLE_SIZE))
     entries = legend_rows(legend, width - 2 * GAP)
     top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
     bottom = len(entries) * line_height(LEGEND_SIZE) + (GAP if entries else 0)
-    sheet = Image.new("RGB", (width, top + sum(row.height for row in rows) + bottom), (24, 26, 29))
+    sheet = Image.new("RGB", (width, top + sum(heights) + bottom), (24, 26, 29))
     draw = ImageDraw.Draw(sheet)
     draw_lines(draw, (GAP, GAP), heading, TITLE_SIZE, INK)
-    for row in rows:
-        for column, (picture, caption) in enumerate(row.panels):
+    for row, text, height in zip(rows, texts, heights):
+        for column, (picture, caption) in enumerate(row):
             left = GAP + column * (cell + GAP)
             draw_lines(draw, (left, top), caption, CAPTION_SIZE, QUIET_INK)
-            sheet.paste(picture, (left, top + row.text_height))
-        top += row.height
+            sheet.paste(picture, (left, top + text))
+        top += height
     draw_legend(draw, entries, top)
     save_picture(path, sheet)
-
-
-class Row(NamedTuple):
-    """Panels next to each other."""
-
-    panels: list[tuple[Image.Image, list[str]]]
-    """Picture and lines of the caption above it."""
-
-    @property
-    def text_height(self) -> int:
-        """Pixels of the highest caption."""
-        return line_height(CAPTION_SIZE) * max(len(caption) for _, caption in self.panels) + CAPTION_GAP
-
-    @property
-    def height(self) -> int:
-        """Pixels to the next row."""
-        return self.text_height + max(picture.height for picture, _ in self.panels) + GAP
-
-    @property
-    def width(self) -> int:
-        """Pixels of the widest picture."""
-        return max(picture.width for picture, _ in self.panels)
-
-
-def rows_of(panels: Sequence[Panel]) -> list[Row]:
-    """Panels, fitted, in balanced rows."""
-    fitted = [(fit_panel(array), wrap_text(name, PANEL_WIDTH, font(CAPTION_SIZE))) for name, array in panels]
-    columns = columns_for(len(panels))
-    return [Row(fitted[k : k + columns]) for k in range(0, len(panels), columns)]
 
 
 def columns_for(count: int) -> int:

@@ -72,12 +72,12 @@ def panels(completion: Completion) -> list[Panel]:
         limits = shared_depth_limits(completion)
         return [
             panel
-            for side, before, view in zip(("left", "right"), completion.warped, completion.views)
+            for side, before, view in zip(("left: ", "right: "), completion.warped, completion.views)
             for panel in (*color_panels(side, before, view), completed_depth(side, view, limits))
         ]
     if len(completion.views) > 1:
         pairs = list(zip(completion.warped, completion.views))[:5]  # the others have pictures of their own
-        several = [color_panels(f"view {number}", *pair) for number, pair in enumerate(pairs, 1)]
+        several = [color_panels(f"view {number}: ", *pair) for number, pair in enumerate(pairs, 1)]
         return [source_panel(completion), *(panel for both in several for panel in both)]
     before, view = completion.warped[0], completion.views[0]
     source, limits = completion.source, shared_depth_limits(completion)
@@ -96,7 +96,7 @@ def demo_panels(name: str, completion: Completion) -> list[Panel]:
     before, view = completion.warped[-1], completion.views[-1]
     return [
         (f"{name}: source picture", source_panel(completion)[1]),
-        *color_panels("right view" if isinstance(completion, StereoCompletion) else "", before, view),
+        *color_panels("right view: " if isinstance(completion, StereoCompletion) else "", before, view),
         completed_depth("", view, shared_depth_limits(completion)),
     ]
 
@@ -123,18 +123,15 @@ def tint(color: UInt8Array, where: np.ndarray) -> UInt8Array:
     return out
 
 
-def color_panels(name: str, before: View, view: View) -> tuple[Panel, Panel]:
-    """What is known and why the rest is not; completed."""
-    start = f"{name}: " if name else ""
-    return (f"{start}known, holes by type", hole_picture(average_down(before.color), subsample(before.hole_type))), (
-        f"{start}completed",
-        average_down(view.color),
-    )
+def color_panels(start: str, before: View, view: View) -> tuple[Panel, Panel]:
+    """What is known and why the rest is not; completed. start: of the captions."""
+    known = hole_picture(average_down(before.color), subsample(before.hole_type))
+    return (f"{start}known, holes by type", known), (f"{start}completed", average_down(view.color))
 
 
-def completed_depth(name: str, view: View, limits: tuple[float, float]) -> Panel:
-    """Depth completed; limits: nearest and farthest depth (m) of the colours, which are the same all over the sheet."""
-    start = f"{name}: " if name else ""
+def completed_depth(start: str, view: View, limits: tuple[float, float]) -> Panel:
+    """Depth completed; limits: nearest and farthest depth (m) of the colours, which are the same all over the sheet. start: of
+    the caption."""
     picture = depth_picture(subsample(view.depth), subsample(view.hole), *limits)
     return f"{start}depth completed, {limits[0]:.2g} to {limits[1]:.2g} m", picture
 
