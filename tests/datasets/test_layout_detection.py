@@ -17,8 +17,6 @@ from dlama.datasets.posed.numbered_frames import numbered_files
 from dlama.datasets.posed.posed_frames import PosedFrame, posed_frame
 from dlama.datasets.posed.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
-from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD
 from posed_folders import LENS, text_K, text_matrix, truth, write_numbered
 
 MARKS = {
@@ -175,21 +173,10 @@ def test_a_tenth_of_a_pair_must_overlap(
 @pytest.mark.parametrize(("farther", "share"), [(1.04, 1.0), (1.06, 0.0)])
 def test_only_pixels_of_the_same_depth_overlap(farther: float, share: float) -> None:
     """Closed form: the same camera twice, whose second reading is 4 % farther, or 6 %; the limit is 5 %."""
-    frames = [
-        PosedFrame("s", f"{metres}", nothing, world_from_cam=np.eye(4), load_depth=partial(flat_depth, metres))
-        for metres in (2.0, 2.0 * farther)
-    ]
+    depths = (np.full(LENS.hw, metres, np.float32) for metres in (2.0, 2.0 * farther))
+    walls = [partial(lambda depth: (depth, LENS), depth) for depth in depths]
+    frames = [PosedFrame("s", "", pytest.fail, world_from_cam=np.eye(4), load_depth=wall) for wall in walls]
     assert Overlaps(frames).share(0, 1) == share
-
-
-def nothing() -> RGBD:
-    """Overlaps need no colour."""
-    raise AssertionError
-
-
-def flat_depth(metres: float) -> tuple[np.ndarray, Camera]:
-    """A wall at that depth."""
-    return np.full(LENS.hw, metres, np.float32), LENS
 
 
 def test_poses_in_another_unit_than_depth_are_told(tmp_path: Path) -> None:

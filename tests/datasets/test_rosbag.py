@@ -6,6 +6,7 @@ import io
 import struct
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -128,20 +129,13 @@ def test_depth_of_another_camera_is_registered(tmp_path: Path) -> None:
 def test_poses_between_two_transforms_are_interpolated() -> None:
     """Closed form: half of the way and half of the turn; beyond a quarter second nothing is known."""
 
-    class Part:
-        x, y, z, w = 0.0, 0.0, 0.0, 1.0
-
-    def pose(shift: float, quarter: bool) -> Any:
-        place, turn, whole = Part(), Part(), Part()
-        place.x = shift
-        if quarter:
-            turn.z = turn.w = np.sqrt(0.5)
-        whole.translation, whole.rotation = place, turn  # type: ignore[attr-defined]
-        return whole
+    def pose(shift: float, z: float, w: float) -> Any:
+        turn, place = SimpleNamespace(x=0.0, y=0.0, z=z, w=w), SimpleNamespace(x=shift, y=0.0, z=0.0)
+        return SimpleNamespace(translation=place, rotation=turn)
 
     found = Transforms()
-    found.add("cam", "map", 1.0, pose(0, False), False, "test")
-    found.add("/cam", "/map", 1.2, pose(2, True), False, "test")
+    found.add("cam", "map", 1.0, pose(0, 0, 1), False, "test")
+    found.add("/cam", "/map", 1.2, pose(2, 0.5**0.5, 0.5**0.5), False, "test")
     middle = found.root_from("cam", 1.1)
     assert middle is not None and middle[0, 3] == pytest.approx(1)
     assert rotation_deg(middle[None, :3, :3], np.eye(3))[0] == pytest.approx(45)

@@ -137,17 +137,7 @@ def test_depth_smaller_than_its_pictures(tmp_path: Path, capsys: pytest.CaptureF
     write_transforms(room, cameras, [], {})
     mask = WORLD.trace(cameras["img-1"])[1] == 3
     write_mask(tmp_path / "ball.png", mask)
-    words = [
-        "sequence",
-        str(room),
-        "--frames",
-        "1:3",
-        "--mask",
-        f"img-1={tmp_path / 'ball.png'}",
-        "--filler",
-        "layered",
-    ]
-    words += ["--only", "video"]
+    words = f"sequence {room} --frames 1:3 --mask img-1={tmp_path / 'ball.png'} --filler layered --only video".split()
     main([*words, "-o", str(tmp_path / "small")])
     assert (
         "pictures of 128x96 are shrunk to 64x48, as their depth is smaller; --resize-depth guided"

@@ -16,6 +16,8 @@ from dlama.geometry.motion.poses import QUATERNION_TOLERANCE, check_pose, make_p
 
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".webm")
 """Endings of videos, which are given in place of a data set."""
+NEAREST_S = 0.02
+"""Seconds up to which a time stamp belongs to another (as in TUM's own associate.py)."""
 LEVELS = 3
 """A data set is the folder itself, or in its folders, or in theirs (7-Scenes: chess/seq-01)."""
 
@@ -122,7 +124,7 @@ def rotation_at(where: str, quaternion_xyzw: Sequence[float]) -> Float64Array:
     return rotation_from_quaternion(quaternion_xyzw)
 
 
-def nearest_in_time(times: Float64Array, time: float, within: float) -> int | None:
+def nearest_in_time(times: Float64Array, time: float, within: float = NEAREST_S) -> int | None:
     """The place of the nearest of ascending times, the earlier of two as near; None where it is farther away than `within`."""
     after = int(np.searchsorted(times, time))
     near = [place for place in (after - 1, after) if 0 <= place < len(times)]

@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import MOST_ENLARGED, NEAREST_S
+from dlama.datasets.captures.captured_frames import MOST_ENLARGED
 from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Listed
 from dlama.datasets.posed.registered_depth import register_depth
@@ -78,7 +78,7 @@ def list_frames(path: Path) -> Listed:
     LOG.warning("%s: holds no poses: the camera is taken as standing still", path)
     times, depth_times = video_times(path, color), video_times(path, depth)
     for place, time in enumerate(times):
-        near = nearest_in_time(depth_times, time, NEAREST_S)
+        near = nearest_in_time(depth_times, time)
         if near is None:
             yield f"{place:06d}", "without depth"
             continue

@@ -25,8 +25,6 @@ MEDIUM = 1
 """ARConfidenceLevel: 0 low, 1 medium, 2 high (developer.apple.com/documentation/arkit/arconfidencelevel)."""
 LIDAR_RANGE_M = 5.0
 """Beyond, depth of an iPhone's LiDAR is a guess (github.com/PolyCam/polyform)."""
-NEAREST_S = 0.02
-"""Seconds by which colour and depth of a recording in one file may differ."""
 MOST_ENLARGED = 4
 """Times the depth's size to which it is enlarged at most."""
 

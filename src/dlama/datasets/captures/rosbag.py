@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.captures import realsense
-from dlama.datasets.captures.captured_frames import MOST_ENLARGED, NEAREST_S
+from dlama.datasets.captures.captured_frames import MOST_ENLARGED
 from dlama.datasets.captures.ros_messages import (
     Topic,
     Track,
@@ -39,7 +39,7 @@ from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.nerfstudio import SHOWS_PX
 from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Listed
 from dlama.datasets.posed.registered_depth import register_depth
-from dlama.datasets.text_tables import nearest_in_time
+from dlama.datasets.text_tables import NEAREST_S, nearest_in_time
 from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import FileFields
 from dlama.writing.unchanged import while_unchanged
@@ -68,7 +68,7 @@ def list_frames(path: Path) -> Listed:
     matched, of_depth = times_to_match(color, depth)
     for number, stamp in enumerate(color.stamps.tolist()):
         name = f"{number:06d}"
-        near, pose = nearest_in_time(of_depth, matched[number], NEAREST_S), transforms.root_from(color.frame, stamp)
+        near, pose = nearest_in_time(of_depth, matched[number]), transforms.root_from(color.frame, stamp)
         if near is None:
             yield name, f"without depth within {NEAREST_S:g} s"
             continue

@@ -26,7 +26,7 @@ from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
-from dlama.files.fields import FileFields, Intrinsics, read_json_fields
+from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_inverse_depth
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
@@ -70,25 +70,24 @@ def _text_cameras(path: Path) -> dict[int, Lens]:
             )
         numbers = [row.number(place) for place in range(4, len(row.words))]
         size = int(row.number(3)), int(row.number(2))
-        lens = Lens(str(path.parent), _pinhole(row.at(1), row.words[1], numbers), 0.5, size)
-        cameras[int(row.number(0))] = lens
+        cameras[int(row.number(0))] = _pinhole(path, row.at(1), row.words[1], numbers, size)
     return cameras
 
 
-def _pinhole(where: str, model: str, numbers: list[float]) -> Intrinsics:
+def _pinhole(path: Path, where: str, model: str, numbers: list[float], hw: tuple[int, int]) -> Lens:
+    """The lens of a camera model with its parameters, which may distort by no more than shows. CameraError."""
     if model not in PARAMETERS:
         raise CameraError(f"{where}: camera model {model}; one of {', '.join(PARAMETERS)} is expected, undistort first")
     if len(numbers) != PARAMETERS[model]:
         raise CameraError(
             f"{where}: camera model {model} has {len(numbers)} parameters; {PARAMETERS[model]} are expected"
         )
-    two = model in ("PINHOLE", "OPENCV")
-    fx, fy, cx, cy = numbers[:4] if two else (numbers[0], *numbers[:3])
-    if any(abs(number) > 1e-6 for number in numbers[4 if two else 3 :]):
+    fx, fy, cx, cy, *terms = numbers if model in ("PINHOLE", "OPENCV") else (numbers[0], *numbers)
+    if nerfstudio.distortion_px((fx, fy, cx, cy), hw, [*terms, 0, 0, 0, 0][:4]) > nerfstudio.SHOWS_PX:
         raise CameraError(
             f"{where}: the camera is distorted; a pinhole camera is expected, run colmap image_undistorter"
         )
-    return fx, fy, cx, cy
+    return Lens(str(path.parent), (fx, fy, cx, cy), 0.5, hw)
 
 
 def _text_images(path: Path, cameras: Mapping[int, Lens]) -> list[ColmapImage]:
@@ -154,7 +153,7 @@ def _binary_cameras(path: Path) -> dict[int, Lens]:
         number, kind, width, height = (int(one) for one in data.take("iiQQ"))
         model = dict(enumerate(PARAMETERS)).get(kind, f"number {kind}")
         numbers = list(data.take("d" * PARAMETERS.get(model, 0)))
-        cameras[number] = Lens(str(path.parent), _pinhole(str(path), model, numbers), 0.5, (height, width))
+        cameras[number] = _pinhole(path, str(path), model, numbers, (height, width))
     return cameras
 
 

@@ -28,8 +28,6 @@ from dlama.perception.missing_depth.between_readings import densify
 from dlama.perception.resampling import shrink_color
 
 LOG = logging.getLogger("dlama")
-SENSOR_PROPORTIONS = 0.01
-"""Relative difference of width / height up to which a picture is of the whole sensor that its intrinsics are for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,10 +209,15 @@ def _readings(files: FrameFiles) -> tuple[Float32Array, BoolArray, BoolArray]:
 
 
 def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> Camera:
-    """The camera at the depth's size; ShapeError, with the names of picture and depth, for sizes that cannot belong together."""
+    """The camera at the depth's size; ShapeError, with the names of picture and depth, for sizes that cannot belong together,
+    CameraError where sensor and picture differ in proportions, so that the crop is not known."""
     lens, names = files.lens, files.names
     if lens.hw is not None and lens.scales:
-        _check_proportions(lens, lens.hw, color_hw)
+        if not same_proportions(color_hw, lens.hw):
+            raise CameraError(
+                f"{lens.source}: the sensor is {format_size(lens.hw)} and the picture {format_size(color_hw)}; both must have "
+                "the same proportions, else how wide the camera sees is not known"
+            )
     elif lens.hw is not None and lens.hw != tuple(color_hw):
         raise ShapeError(
             f"{names[0]}: is {format_size(color_hw)}, and {lens.source} is for {format_size(lens.hw)}; "
@@ -226,12 +229,3 @@ def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, .
             "same size, or bigger with the same proportions, is expected"
         )
     return lens.camera(files.world_from_cam, color_hw).resized(depth_hw[1], depth_hw[0])
-
-
-def _check_proportions(lens: Lens, hw: tuple[int, int], color_hw: tuple[int, ...]) -> None:
-    """CameraError where sensor (hw) and picture differ in proportions: then the crop is not known."""
-    if not same_proportions(color_hw, hw, SENSOR_PROPORTIONS):
-        raise CameraError(
-            f"{lens.source}: the sensor is {format_size(hw)} and the picture {format_size(color_hw)}; both must have the "
-            "same proportions, else how wide the camera sees is not known"
-        )

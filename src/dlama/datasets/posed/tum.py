@@ -14,14 +14,12 @@ import numpy as np
 
 from dlama.datasets.posed.lenses import CameraOption, lens_for
 from dlama.datasets.posed.posed_frames import Listed, files_of
-from dlama.datasets.text_tables import Row, holds, nearest_in_time, pose_of, read_rows
+from dlama.datasets.text_tables import NEAREST_S, Row, holds, nearest_in_time, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 
 LISTINGS = ("rgb.txt", "depth.txt", "groundtruth.txt")
 looks_like = holds(*LISTINGS)
-NEAREST_S = 0.02
-"""Seconds up to which a time stamp belongs to another (TUM's own associate.py has the same)."""
 ADVICE = (
     "TUM's intrinsics are in no file of the set; its page names fx fy cx cy of freiburg1 as 517.3 516.5 318.6 255.3, "
     "freiburg2 520.9 521.0 325.1 249.7, freiburg3 535.4 539.2 320.1 247.6 with pixel_center 0.0"
@@ -34,7 +32,7 @@ def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     (times, rows), *others = (_listing(folder / name, count) for name, count in zip(LISTINGS, (2, 2, 8)))
     for time, row in zip(times.tolist(), rows):
         color = folder / row.words[1]
-        places = [nearest_in_time(each, time, NEAREST_S) for each, _ in others]
+        places = [nearest_in_time(each, time) for each, _ in others]
         lacks = next((what for what, place in zip(("depth", "a pose"), places) if place is None), None)
         if lacks is not None:
             yield color.stem, f"without {lacks} within {NEAREST_S:g} s"
