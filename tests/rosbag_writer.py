@@ -50,21 +50,23 @@ class Writer:
         stamp = self.make("builtin_interfaces/msg/Time", sec=whole, nanosec=round((seconds - whole) * 1e9))
         return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
-    def put(self, topic: str, kind: str, seconds: float, message: Any) -> None:
+    def put(self, topic: str, kind: str, seconds: float, message: Any, behind: bytes = b"") -> None:
         if topic not in self.connections:
             self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
         data = self.types.serialize_ros1(message, kind) if self.old else self.types.serialize_cdr(message, kind)
         self.count += 1
-        self.writer.write(self.connections[topic], int(seconds * 1e9) + self.count, data)
+        self.writer.write(self.connections[topic], int(seconds * 1e9) + self.count, bytes(data) + behind)
 
-    def image(self, topic: str, frame: str, seconds: float, values: np.ndarray, encoding: str) -> None:
-        """Rows are padded by three bytes."""
+    def image(
+        self, topic: str, frame: str, seconds: float, values: np.ndarray, encoding: str, behind: bytes = b""
+    ) -> None:
+        """Rows are padded by three bytes; behind: what follows the message."""
         height, width = values.shape[:2]
         rows = values.reshape(height, -1).view(np.uint8)
         rows = np.concatenate([rows, np.full((height, 3), 99, np.uint8)], 1)
         fields = {"height": height, "width": width, "encoding": encoding, "is_bigendian": 0, "step": rows.shape[1]}
         message = self.make("sensor_msgs/msg/Image", header=self.head(frame, seconds), **fields, data=rows.ravel())
-        self.put(topic, "sensor_msgs/msg/Image", seconds, message)
+        self.put(topic, "sensor_msgs/msg/Image", seconds, message, behind)
 
     def packed(self, topic: str, frame: str, seconds: float, data: bytes, form: str) -> None:
         message = self.make(

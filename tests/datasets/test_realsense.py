@@ -45,18 +45,8 @@ class RealSense(Writer):
 
     def picture(self, stream: str, seconds: float, values: np.ndarray, encoding: str, unit: float | None) -> None:
         """An image, of new recordings with the unit behind it, which the head's frame "1" says."""
-        topic, kind = f"{stream}/image/data", "sensor_msgs/msg/Image"
-        head = self.head("0" if unit is None else "1", seconds)
-        rows = values.reshape(len(values), -1).view(np.uint8)
-        message = self.make(
-            kind, header=head, height=values.shape[0], width=values.shape[1], encoding=encoding, is_bigendian=0,
-            step=rows.shape[1], data=rows.ravel(),
-        )  # fmt: skip
-        if topic not in self.connections:
-            self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
-        data = bytes(self.types.serialize_ros1(message, kind)) + (b"" if unit is None else struct.pack("<f", unit))
-        self.count += 1
-        self.writer.write(self.connections[topic], round((seconds - 9) * 1e9) + self.count, data)
+        behind = b"" if unit is None else struct.pack("<f", unit)
+        self.image(f"{stream}/image/data", "0" if unit is None else "1", seconds, values, encoding, behind)
         self.note(f"{stream}/image/metadata", "system_time", "1573.25")
 
     def note(self, topic: str, key: str, value: str) -> None:

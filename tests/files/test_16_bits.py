@@ -33,11 +33,16 @@ from worlds import moved
 WORDS = r"16 bits a channel; colours are worked on, filled and written in 8"
 
 
+def deepen(color: np.ndarray) -> np.ndarray:
+    """8 bits in the high bytes of 16, noise in the low ones."""
+    return color.astype(np.uint16) << 8 | np.random.default_rng(3).integers(0, 256, color.shape).astype(np.uint16)
+
+
 def plate_of(folder: Path, name: str = "plate.tif") -> np.ndarray:
     """uint16 H x W x 3 in a file next to those of `small_frame`: its picture in the high bytes, noise in the low ones."""
     with Image.open(small_frame(folder) / "image.png") as picture:
-        high = np.array(picture).astype(np.uint16)
-    plate = high << 8 | np.random.default_rng(3).integers(0, 256, high.shape).astype(np.uint16)
+        high = np.array(picture)
+    plate = deepen(high)
     if name.endswith(".tif"):
         tifffile.imwrite(folder / name, plate, photometric="rgb", compression="zlib", predictor=True)
     else:
@@ -76,8 +81,7 @@ def test_both_plates_of_a_pair_are_given_back(tmp_path: Path) -> None:
     rig = StereoRig(CAMERA, moved(CAMERA, shift=(0.4, 0, 0)))
     plates, files = [], {}
     for name, camera in (("left", rig.left), ("right", rig.right)):
-        high = WORLD.rgbd(camera).color.astype(np.uint16)
-        plates.append(high << 8 | np.random.default_rng(4).integers(0, 256, high.shape).astype(np.uint16))
+        plates.append(deepen(WORLD.rgbd(camera).color))
         files[name] = tmp_path / f"{name}.tif"
         tifffile.imwrite(files[name], plates[-1], photometric="rgb")
     pictures = [(plate >> 8).astype(np.uint8) for plate in plates]

@@ -30,9 +30,15 @@ height=500
 ndisp=70
 isint=0
 """
+
+
+def matrix(fx: float, cx: float, cy: float, fy: float | None = None) -> list[list[float]]:
+    return [[fx, 0, cx], [0, fx if fy is None else fy, cy], [0, 0, 1]]
+
+
 STEREO: dict[str, Any] = {
-    "left_K": [[300, 0, 160], [0, 300, 120], [0, 0, 1]],
-    "right_K": [[300, 0, 164], [0, 300, 120], [0, 0, 1]],
+    "left_K": matrix(300, 160, 120),
+    "right_K": matrix(300, 164, 120),
     "baseline_m": 0.12,
     "doffs": 4,
 }
@@ -68,28 +74,41 @@ def test_pixel_center_moves_the_principal_point(tmp_path: Path) -> None:
     assert (zero.fx, zero.fy) == (500, 510) and np.array_equal(zero.world_from_cam, np.eye(4))
 
 
+def changed(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    """Fields of another value, and without those that are `...`."""
+    return {name: value for name, value in {**base, **change}.items() if value is not ...}
+
+
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("read", "change", "words"),
     [
-        ({"fx": None}, "fx is null"),
-        ({"fy": "500"}, 'fy is "500"'),
-        ({"fx": 0}, "fx is 0.*singular"),
-        ({"fy": -5}, "fy is -5.*negative"),
-        ({"cx": math.nan}, "cx is nan"),
-        ({"width": 0}, "width is 0"),
-        ({"width": 640.5}, "width is 640.5"),
-        ({"height": True}, "height is true"),
-        ({"pixel_center": 1}, "pixel_center is 1"),
-        ({"world_from_cam": np.zeros((3, 4)).tolist()}, "world_from_cam is .*4x4"),
-        ({"world_from_cam": np.diag([1, 1, 2, 1]).tolist()}, "not a rigid motion"),
-        ({"world_from_cam": np.diag([1, 1, -1, 1]).tolist()}, "mirroring"),
-        ({"world_from_cam": "identity"}, "world_from_cam is .*4x4"),
+        (read_camera, {"cy": ...}, r"'cy' is missing; it has width, height"),
+        (read_camera, {"K": matrix(500, 320, 240)}, "K and fx, fy, cx, cy are both given"),
+        (read_camera, {"fx": None}, "fx is null"),
+        (read_camera, {"fy": "500"}, 'fy is "500"'),
+        (read_camera, {"fx": 0}, "fx is 0.*singular"),
+        (read_camera, {"fy": -5}, "fy is -5.*negative"),
+        (read_camera, {"cx": math.nan}, "cx is nan"),
+        (read_camera, {"width": 0}, "width is 0"),
+        (read_camera, {"width": 640.5}, "width is 640.5"),
+        (read_camera, {"height": True}, "height is true"),
+        (read_camera, {"pixel_center": 1}, "pixel_center is 1"),
+        (read_camera, {"world_from_cam": np.zeros((3, 4)).tolist()}, "world_from_cam is .*4x4"),
+        (read_camera, {"world_from_cam": np.diag([1, 1, 2, 1]).tolist()}, "not a rigid motion"),
+        (read_camera, {"world_from_cam": np.diag([1, 1, -1, 1]).tolist()}, "mirroring"),
+        (read_camera, {"world_from_cam": "identity"}, "world_from_cam is .*4x4"),
+        (read_stereo_calib, {"height": None}, "height is null"),
+        (read_stereo_calib, {"doffs": 4.02}, "doffs is 4.02, but cx of right_K minus cx of left_K is 4"),
+        (read_stereo_calib, {"doffs": ..., "right_K": ...}, "neither right_K nor doffs"),
+        (read_stereo_calib, {"baseline_m": 0}, "baseline is 0 m"),
+        (read_stereo_calib, {"right_K": matrix(301, 164, 120)}, "fx is 300.0 left and 301.0 right"),
     ],
 )
-def test_bad_fields_are_named(tmp_path: Path, change: dict[str, Any], words: str) -> None:
-    path = saved(tmp_path / "bad.json", {**PLAIN, **change})
+def test_bad_fields_are_named(tmp_path: Path, read: Any, change: dict[str, Any], words: str) -> None:
+    base, hw = (PLAIN, None) if read is read_camera else (STEREO, (240, 320))
+    path = saved(tmp_path / "bad.json", changed(base, change))
     with pytest.raises(CameraError, match=words) as caught:
-        read_camera(path)
+        read(path, hw=hw)
     assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
 
 
@@ -109,8 +128,6 @@ def test_fields_of_others_are_warned_of(tmp_path: Path) -> None:
 
 
 def test_bad_files(tmp_path: Path) -> None:
-    with pytest.raises(CameraError, match=r"'cy' is missing; it has width, height"):
-        read_camera(saved(tmp_path / "a.json", {k: v for k, v in PLAIN.items() if k != "cy"}))
     for data in (b"{", b"[1, 2]", b"\0", b"\xff\xfe\x00"):
         (tmp_path / "b.json").write_bytes(data)
         with pytest.raises(FileError, match=r"b\.json"):
@@ -195,70 +212,6 @@ def test_calibrations_of_kitti(tmp_path: Path, raw: bool) -> None:
             read_stereo_calib(saved(tmp_path / "calib.txt", wrong), hw=(376, 1241))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("doffs=31.086", "doffs=31.2", "doffs is 31.2, but cx of cam1 minus cx of cam0 is 31.086"),
-        ("baseline=193.001", "baseline=-1", "baseline is -0.001 m"),
-        ("baseline=193.001\n", "", "'baseline' is missing"),
-        ("0 994.978 254.877; 0 0 1]\ncam1", "0.3 994.978 254.877; 0 0 1]\ncam1", "cam0 is .*no skew"),
-        ("cam0=[994.978", "cam0=[0", "cam0 is singular"),
-        ("width=741", "width=740", "camera is 740x500 and the picture 741x500"),
-        ("width=741\n", "", "'width' is missing"),
-        ("doffs=31.086", "doffs", "no calib.txt of Middlebury or KITTI"),
-        ("; 0 0 1]\ndoffs", "; 0 0]\ndoffs", "cam1 is .*3x3"),
-        ("ndisp=70", "baseline=193.001", "field 'baseline' is given twice"),
-        ("baseline=193.001", "baseline=1e-300", "baseline is 1e-303 m; a distance of 1e-06 to 1e"),
-    ],
-)
-def test_bad_calib_txt(tmp_path: Path, old: str, new: str, words: str) -> None:
-    assert old in CALIB
-    with pytest.raises(InputError, match=words) as caught:
-        read_stereo_calib(saved(tmp_path / "calib.txt", CALIB.replace(old, new)), hw=(500, 741))
-    assert str(tmp_path / "calib.txt") in str(caught.value)
-
-
-def without(*names: str) -> dict[str, Any]:
-    return {key: value for key, value in STEREO.items() if key not in names}
-
-
-@pytest.mark.parametrize("missing", [(), ("doffs",), ("right_K",)])
-def test_stereo_json_completes_itself(tmp_path: Path, missing: tuple[str, ...]) -> None:
-    rig = read_stereo_calib(saved(tmp_path / "s.json", without(*missing)), hw=(240, 320))
-    assert (rig.left.cx, rig.right.cx, rig.doffs, rig.baseline_m) == (160, 164, 4, 0.12)
-    zero = read_stereo_calib(saved(tmp_path / "z.json", {**without(*missing), "pixel_center": 0.0}), hw=(240, 320))
-    assert (zero.left.cx, zero.right.cx, zero.left.cy, zero.doffs) == (160.5, 164.5, 120.5, 4)
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({**STEREO, "height": None}, "height is null"),
-        ({**STEREO, "doffs": 4.02}, "doffs is 4.02, but cx of right_K minus cx of left_K is 4"),
-        (without("doffs", "right_K"), "neither right_K nor doffs"),
-        ({**STEREO, "baseline_m": 0}, "baseline is 0 m"),
-        ({**STEREO, "right_K": [[301, 0, 164], [0, 301, 120], [0, 0, 1]]}, "fx is 300.0 left and 301.0 right"),
-    ],
-)
-def test_bad_stereo_json(tmp_path: Path, values: dict[str, Any], words: str) -> None:
-    with pytest.raises(CameraError, match=words) as caught:
-        read_stereo_calib(saved(tmp_path / "s.json", values), hw=(240, 320))
-    assert str(caught.value).startswith(str(tmp_path / "s.json"))
-
-
-def test_camera_from_flags_or_a_file(tmp_path: Path) -> None:
-    """Oracle: f = w / 2 / tan(fov / 2); EasySynth's 512 pixels at 90 degrees have f = 256."""
-    path = saved(tmp_path / "c.json", {**PLAIN, "world_from_cam": TURN.tolist()})
-    camera, source = camera_for((480, 640), camera=path)
-    assert np.array_equal(camera.world_from_cam, TURN) and source == "camera c.json"
-    camera, source = camera_for((512, 512), fov=90)
-    assert (camera.fx, camera.fy, camera.cx, camera.cy) == pytest.approx((256, 256, 256, 256)) and source == "fov"
-    camera, source = camera_for((480, 640), fx=500)
-    assert (camera.fx, camera.fy, camera.cx, camera.cy, source) == (500, 500, 320, 240, "fx")
-    camera, _ = camera_for((480, 640), fx=500, fy=505, cx=319.5, cy=238, pixel_center=0.0)
-    assert (camera.fy, camera.cx, camera.cy) == (505, 320, 238.5)
-
-
 ROS = """image_width: 640
 image_height: 480
 camera_name: head_camera
@@ -272,6 +225,59 @@ distortion_coefficients:
   cols: 5
   data: [0.0, 0.0, 0.0, 0.0, 0.0]
 """
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "words"),
+    [
+        (CALIB, "doffs=31.086", "doffs=31.2", "doffs is 31.2, but cx of cam1 minus cx of cam0 is 31.086"),
+        (CALIB, "baseline=193.001", "baseline=-1", "baseline is -0.001 m"),
+        (CALIB, "baseline=193.001\n", "", "'baseline' is missing"),
+        (CALIB, "0 994.978 254.877; 0 0 1]\ncam1", "0.3 994.978 254.877; 0 0 1]\ncam1", "cam0 is .*no skew"),
+        (CALIB, "cam0=[994.978", "cam0=[0", "cam0 is singular"),
+        (CALIB, "width=741", "width=740", "camera is 740x500 and the picture 741x500"),
+        (CALIB, "width=741\n", "", "'width' is missing"),
+        (CALIB, "doffs=31.086", "doffs", "no calib.txt of Middlebury or KITTI"),
+        (CALIB, "; 0 0 1]\ndoffs", "; 0 0]\ndoffs", "cam1 is .*3x3"),
+        (CALIB, "ndisp=70", "baseline=193.001", "field 'baseline' is given twice"),
+        (CALIB, "baseline=193.001", "baseline=1e-300", "baseline is 1e-303 m; a distance of 1e-06 to 1e"),
+        (ROS, "camera_matrix:", "matrix:", "camera_matrix has 0 numbers; 9 are expected"),
+        (ROS, "[500.5, 0.0", "[oops, 0.0", "cannot be read; the YAML of a camera is expected, as ROS"),
+        (ROS, "[500.5, 0.0", "[500.5", "camera_matrix has 8 numbers"),
+        (ROS, "[500.5, 0.0", "[500.5, 1.0", "no skew"),
+        (ROS, "image_width: 640", "image_width: 641", "the camera is 641x480 and the picture 640x480"),
+        (ROS, "image_width: 640", "\t- [", "cannot be read"),
+    ],
+)
+def test_bad_texts(tmp_path: Path, text: str, old: str, new: str, words: str) -> None:
+    """Of Middlebury's calib.txt and of ROS."""
+    name, read, hw = ("a.txt", read_stereo_calib, (500, 741)) if text is CALIB else ("a.yaml", read_camera, (480, 640))
+    assert old in text
+    with pytest.raises(InputError, match=words) as caught:
+        read(saved(tmp_path / name, text.replace(old, new)), hw=hw)
+    assert str(caught.value).startswith(str(tmp_path / name))
+
+
+@pytest.mark.parametrize("missing", [(), ("doffs",), ("right_K",)])
+def test_stereo_json_completes_itself(tmp_path: Path, missing: tuple[str, ...]) -> None:
+    for center, border in ((0.5, 0), (0.0, 0.5)):
+        values = changed(STEREO, {**dict.fromkeys(missing, ...), "pixel_center": center})
+        rig = read_stereo_calib(saved(tmp_path / "s.json", values), hw=(240, 320))
+        assert (rig.left.cx, rig.right.cx, rig.left.cy) == (160 + border, 164 + border, 120 + border)
+        assert (rig.doffs, rig.baseline_m) == (4, 0.12)
+
+
+def test_camera_from_flags_or_a_file(tmp_path: Path) -> None:
+    """Oracle: f = w / 2 / tan(fov / 2); EasySynth's 512 pixels at 90 degrees have f = 256."""
+    path = saved(tmp_path / "c.json", {**PLAIN, "world_from_cam": TURN.tolist()})
+    camera, source = camera_for((480, 640), camera=path)
+    assert np.array_equal(camera.world_from_cam, TURN) and source == "camera c.json"
+    camera, source = camera_for((512, 512), fov=90)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == pytest.approx((256, 256, 256, 256)) and source == "fov"
+    camera, source = camera_for((480, 640), fx=500)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, source) == (500, 500, 320, 240, "fx")
+    camera, _ = camera_for((480, 640), fx=500, fy=505, cx=319.5, cy=238, pixel_center=0.0)
+    assert (camera.fy, camera.cx, camera.cy) == (505, 320, 238.5)
 
 
 def test_the_yaml_of_ros_and_of_opencv(tmp_path: Path) -> None:
@@ -299,23 +305,6 @@ def test_the_message_that_ros_prints(tmp_path: Path, times: int) -> None:
     for text in (old, new):
         camera = read_camera(saved(tmp_path / "info.yaml", f"{text}roi:\n  height: 0\n---\n" * times), hw=(480, 640))
         assert (camera.wh, camera.fx, camera.fy, camera.cx, camera.cy) == ((640, 480), 500.5, 501, 320, 240)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("camera_matrix:", "matrix:", "camera_matrix has 0 numbers; 9 are expected"),
-        ("[500.5, 0.0", "[oops, 0.0", "cannot be read; the YAML of a camera is expected, as ROS"),
-        ("[500.5, 0.0", "[500.5", "camera_matrix has 8 numbers"),
-        ("[500.5, 0.0", "[500.5, 1.0", "no skew"),
-        ("image_width: 640", "image_width: 641", "the camera is 641x480 and the picture 640x480"),
-        ("image_width: 640", "\t- [", "cannot be read"),
-    ],
-)
-def test_bad_yaml(tmp_path: Path, old: str, new: str, words: str) -> None:
-    with pytest.raises(InputError, match=words) as caught:
-        read_camera(saved(tmp_path / "bad.yaml", ROS.replace(old, new)), hw=(480, 640))
-    assert str(caught.value).startswith(str(tmp_path / "bad.yaml"))
 
 
 def test_a_distortion_is_warned_of(tmp_path: Path) -> None:
@@ -363,14 +352,11 @@ def test_the_yaml_of_a_pair(tmp_path: Path, unit: int) -> None:
 @pytest.mark.parametrize(
     ("K", "words"),
     [
-        ([[1.0, 0, 1.0], [0, 1.3, 1.0], [0, 0, 1]], "fx` is 1 px, wider than any lens.*give `fx=640`"),
-        ([[4.2, 0, 3.2], [0, 4.2, 2.4], [0, 0, 1]], "fx` is 4.2 px, wider than any lens"),
-        (
-            [[35, 0, 320], [0, 35, 240], [0, 0, 1]],
-            "looks like a lens in millimetres.*`fx=622.22` of a sensor 36 mm wide",
-        ),
-        ([[1000, 0, 640], [0, 1000, 480], [0, 0, 1]], "the middle of a picture 2 times as large: give `fx=500`"),
-        ([[500, 0, -20], [0, 500, 239.5], [0, 0, 1]], r"k\.json: the principal point \(-20, 239.5\) lies outside"),
+        (matrix(1.0, 1.0, 1.0, 1.3), "fx` is 1 px, wider than any lens.*give `fx=640`"),
+        (matrix(4.2, 3.2, 2.4), "fx` is 4.2 px, wider than any lens"),
+        (matrix(35, 320, 240), "looks like a lens in millimetres.*`fx=622.22` of a sensor 36 mm wide"),
+        (matrix(1000, 640, 480), "the middle of a picture 2 times as large: give `fx=500`"),
+        (matrix(500, -20, 239.5), r"k\.json: the principal point \(-20, 239.5\) lies outside"),
     ],
 )
 def test_a_matrix_for_another_size_or_unit_is_warned_of(tmp_path: Path, K: list, words: str) -> None:
@@ -427,14 +413,16 @@ def test_a_list_of_cameras_that_is_none(tmp_path: Path, text: str, words: str) -
 
 
 def test_a_matrix_in_the_place_of_four_numbers(tmp_path: Path) -> None:
-    """Round trip: K says what fx, fy, cx, cy do; both together, and what is no such matrix, are refused."""
-    fx, fy, cx, cy = (PLAIN[name] for name in ("fx", "fy", "cx", "cy"))
-    matrix = {"width": PLAIN["width"], "height": PLAIN["height"], "K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]}
-    assert read_camera(saved(tmp_path / "k.json", matrix)).same_view_as(read_camera(saved(tmp_path / "p.json", PLAIN)))
-    with pytest.raises(CameraError, match="K and fx, fy, cx, cy are both given"):
-        read_camera(saved(tmp_path / "both.json", {**PLAIN, **matrix}))
+    """Round trip: K says what fx, fy, cx, cy do; what is no such matrix is refused."""
+    K = matrix(PLAIN["fx"], PLAIN["cx"], PLAIN["cy"], PLAIN["fy"])
+    of_matrix = {"width": PLAIN["width"], "height": PLAIN["height"], "K": K}
+    expected = read_camera(saved(tmp_path / "p.json", PLAIN))
+    assert read_camera(saved(tmp_path / "k.json", of_matrix)).same_view_as(expected)
+    sizeless = saved(tmp_path / "s.json", {"K": K})
+    assert read_camera(sizeless, hw=(480, 640)).same_view_as(expected)
+    K[2][2] = 2
     with pytest.raises(CameraError, match=r"bad\.json: K"):
-        read_camera(saved(tmp_path / "bad.json", {**matrix, "K": [[fx, 0, cx], [0, fy, cy], [0, 0, 2]]}))
+        read_camera(saved(tmp_path / "bad.json", of_matrix))
 
 
 @pytest.mark.parametrize("read", [read_camera, read_stereo_calib])

@@ -27,9 +27,9 @@ MOST = 64e6
 
 def npy(shape: tuple[int, ...], dtype: str = "<f4", numbers: bytes = b"\0" * 64) -> bytes:
     """An NPY whose header says `shape`."""
-    head = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}".encode()
-    head += b" " * (-(len(head) + 11) % 64) + b"\n"
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head + numbers
+    stream, says = io.BytesIO(), {"descr": dtype, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(stream, says)
+    return stream.getvalue() + numbers
 
 
 def npz(**parts: bytes) -> bytes:

@@ -10,7 +10,7 @@ from typing import Any
 
 import dlama
 from dlama.errors import InputError
-from dlama.files.camera_yaml import read_yaml_fields
+from dlama.files.cameras import intrinsics_in, read_camera_fields
 from dlama.files.fields import read_calib_txt, read_json_fields
 from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
@@ -106,12 +106,10 @@ def check_upload(upload: Upload, most_pixels: int, role: str) -> None:
 
 def check_lens_file(path: Path, role: str) -> None:
     """Raise InputError where a file holds no camera, or nothing like a calibration; its size may be that of a picture to come."""
-    if path.suffix == ".txt":
+    if role == "camera":
+        intrinsics_in(read_camera_fields(path))
+    elif path.suffix == ".txt":
         read_calib_txt(path)
-    elif path.suffix != ".json":
-        read_yaml_fields(path)
-    elif role == "camera":
-        dlama.read_camera(path)
     else:
         read_json_fields(path)
 

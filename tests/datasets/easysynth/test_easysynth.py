@@ -105,7 +105,7 @@ def test_poses_there_and_back(turn: tuple[float, float, float]) -> None:
 def test_the_metric_dialect_means_the_same(sequence: Path) -> None:
     """Oracle: EasySynth 1.0's exporter, which wrote (Y, -Z, X) / 100 and (w, -y, z, -x) of Unreal's pose."""
     table = sequence / "CameraComponent" / "CameraPoses.csv"
-    wanted = {identity: pose.world_from_cam for identity, pose in read_poses(table).items()}
+    wanted = {identity: pose.pose for identity, pose in read_poses(table).items()}
     lines = ["id,tx,ty,tz,qw,qx,qy,qz,fx,fy,cx,cy"]
     for line in table.read_text().splitlines()[1:]:
         number, tx, ty, tz, qx, qy, qz, qw, _ = map(float, line.split(","))

@@ -10,10 +10,11 @@ iphone/arkit_pcl.py.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +75,7 @@ def _pictures(folder: Path) -> Callable[[int], Callable[[], UInt8Array] | None]:
     """Number of a frame -> how its picture is read."""
     extracted = folder / "rgb"
     if extracted.is_dir():
-        return lambda number: _picture_file(extracted, number)
+        return _reader(extracted, (".jpg", ".png"), read_color_of_camera)
     video = next((folder / name for name in VIDEOS if (folder / name).is_file()), None)
     if video is None:
         raise FileError(f"{folder}: has neither rgb/ nor {' nor '.join(VIDEOS)} with the colour pictures")
@@ -82,16 +83,16 @@ def _pictures(folder: Path) -> Callable[[int], Callable[[], UInt8Array] | None]:
     return lambda number: partial(read_video_frame, video, number) if number < count else None
 
 
-def _picture_file(folder: Path, number: int) -> Callable[[], UInt8Array] | None:
-    path = next((path for kind in ("jpg", "png") if (path := folder / f"frame_{number:06d}.{kind}").is_file()), None)
-    return None if path is None else partial(read_color_of_camera, path)
+def _reader(folder: Path, suffixes: Sequence[str], read: Callable[[Path], Any]) -> Callable[[int], Any]:
+    """Number of a frame -> how its file in a folder is read; None: it has none."""
+    files = files_by_stem(folder, suffixes)
+    return lambda number: partial(read, files[name]) if (name := f"frame_{number:06d}") in files else None
 
 
 def _depths(folder: Path) -> Callable[[int], Callable[[], Float32Array] | None]:
     """Number of a frame -> how its depth is read."""
     if (folder / "depth").is_dir():
-        files = files_by_stem(folder / "depth", (".png",))
-        return lambda number: partial(read_depth, files[name]) if (name := f"frame_{number:06d}") in files else None
+        return _reader(folder / "depth", (".png",), read_depth)
     path = existing_file(folder / "depth.bin")
     count = len(_blocks(path))
     return lambda number: partial(depth_of_bin, path, number) if number < count else None

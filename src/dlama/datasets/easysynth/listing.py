@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from dlama.datasets.easysynth.frames import RenderedFrame, read_png_depth
-from dlama.datasets.easysynth.text_files import Pose, RigCamera, read_poses, read_rig
+from dlama.datasets.easysynth.text_files import PosedLens, read_poses, read_rig
 from dlama.datasets.frames import Gamma
 from dlama.datasets.posed.posed_frames import FrameFiles
 from dlama.datasets.text_tables import folders_in
@@ -90,7 +90,7 @@ def _folders(root: Path) -> list[Path]:
 
 
 def _camera(
-    folder: Path, place: Path, rig: RigCamera | None, depth_range: float | None, gamma: Gamma | None
+    folder: Path, place: Path, rig: PosedLens | None, depth_range: float | None, gamma: Gamma | None
 ) -> dict[int, RenderedFrame]:
     """The frames of one camera, by id."""
     table, poses = _poses(folder, place, rig)
@@ -105,22 +105,20 @@ def _camera(
                 f"{folder / RIG}: no such file, or no camera '{place.name}' in it; {table} has no intrinsics"
             )
         color, depth = colors[identity], depths[identity]
-        reading = partial(read_color_of_camera, color), partial(read, depth), lens, pose.world_from_cam
+        reading = partial(read_color_of_camera, color), partial(read, depth), lens, pose.pose
         files = FrameFiles((str(color), str(depth)), *reading, partial(picture_hw, color), has_far=True)
         frames[identity] = RenderedFrame(files, color, semantics.get(identity))
     return frames
 
 
-def _poses(folder: Path, place: Path, rig: RigCamera | None) -> tuple[Path, dict[int, Pose]]:
+def _poses(folder: Path, place: Path, rig: PosedLens | None) -> tuple[Path, dict[int, PosedLens]]:
     """(table, the camera's own poses): from its folder, else the rig's poses and where the camera sits in the rig."""
     if (place / POSES).exists():
         return place / POSES, read_poses(place / POSES)
     if rig is None:
         raise FileError(f"{place / POSES}: no such file")
     poses = read_poses(folder / POSES)
-    return folder / POSES, {
-        identity: Pose(pose.world_from_cam @ rig.rig_from_cam, pose.lens) for identity, pose in poses.items()
-    }
+    return folder / POSES, {identity: PosedLens(pose.pose @ rig.pose, pose.lens) for identity, pose in poses.items()}
 
 
 def _depth_pictures(

@@ -6,8 +6,8 @@ With P the map of axes to OpenCV's (det P = -1: the handedness flips) R_cv = P R
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,26 +29,16 @@ METRIC_HEADER = ("id", "tx", "ty", "tz", "qw", "qx", "qy", "qz", "fx", "fy", "cx
 """EasySynth 1.0 and 1.1: metres, x right, y down, z forward (its README), intrinsics in pixels."""
 
 
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """One line of CameraPoses.csv."""
+class PosedLens(NamedTuple):
+    """One line of CameraPoses.csv, or one camera of CameraRig.json."""
 
-    world_from_cam: Float64Array
-    """4x4, OpenCV axes, metres."""
+    pose: Float64Array
+    """4x4, camera to world (of a rig's camera: to the rig), OpenCV axes, metres."""
     lens: Lens | None
-    """What the line itself says (dialect of 1.0 and 1.1); None: CameraRig.json says it."""
+    """None: the line does not say it (EasySynth 1.2 and later), CameraRig.json does."""
 
 
-@dataclass(frozen=True, eq=False)
-class RigCamera:
-    """One camera of CameraRig.json."""
-
-    lens: Lens
-    rig_from_cam: Float64Array
-    """4x4, OpenCV axes, metres."""
-
-
-def read_poses(path: Path) -> dict[int, Pose]:
+def read_poses(path: Path) -> dict[int, PosedLens]:
     """The poses of a CameraPoses.csv by frame id, in the file's order; the header names the dialect.
 
     Raises FileError naming line and column: an unknown header, a value that is no finite number, an id given twice, a
@@ -62,7 +52,7 @@ def read_poses(path: Path) -> dict[int, Pose]:
             f"{path}:1:1: the header is '{','.join(header)[:80]}'; '{','.join(UNREAL_HEADER)}' (EasySynth 1.2 and later) "
             f"or '{','.join(METRIC_HEADER)}' (1.0, 1.1) is expected"
         )
-    poses: dict[int, Pose] = {}
+    poses: dict[int, PosedLens] = {}
     for row in rows[1:]:
         row.need(len(header), ",".join(header))
         identity = row.whole(0)
@@ -74,7 +64,7 @@ def read_poses(path: Path) -> dict[int, Pose]:
     return poses
 
 
-def read_rig(path: Path) -> dict[str, RigCamera]:
+def read_rig(path: Path) -> dict[str, PosedLens]:
     """The cameras of a CameraRig.json by name ("ROS JSON": cm, Unreal axes); the last intrinsic may be 0, as EasySynth writes.
 
     Raises FileError (no JSON: with line and column; a field missing), CameraError (a value that cannot be).
@@ -96,12 +86,12 @@ def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Arra
     return OPENCV_FROM_UNREAL.T @ world_from_cam[:3, 3] * CENTIMETRES, quaternion_from_rotation(rotation)
 
 
-def _unreal_pose(row: Row) -> Pose:
+def _unreal_pose(row: Row) -> PosedLens:
     *translation, _ = _numbers(row, UNREAL_HEADER, "tx", "ty", "tz", "t")
-    return Pose(opencv_pose(translation, _rotation(row, UNREAL_HEADER)), None)
+    return PosedLens(opencv_pose(translation, _rotation(row, UNREAL_HEADER)), None)
 
 
-def _metric_pose(row: Row) -> Pose:
+def _metric_pose(row: Row) -> PosedLens:
     pose = make_pose(_rotation(row, METRIC_HEADER), _numbers(row, METRIC_HEADER, "tx", "ty", "tz"))
     names = ("fx", "fy", "cx", "cy")
     intrinsics = _numbers(row, METRIC_HEADER, *names)
@@ -112,7 +102,7 @@ def _metric_pose(row: Row) -> Pose:
             )
     fx, fy, cx, cy = intrinsics
     hw = max(1, round(2 * cy)), max(1, round(2 * cx))  # cx, cy are written as half the picture
-    return Pose(pose, Lens(str(row.path), (fx, fy, cx, cy), 0.5, hw, scales=True))
+    return PosedLens(pose, Lens(str(row.path), (fx, fy, cx, cy), 0.5, hw, scales=True))
 
 
 def _numbers(row: Row, header: tuple[str, ...], *names: str) -> list[float]:
@@ -124,7 +114,7 @@ def _rotation(row: Row, header: tuple[str, ...]) -> Float64Array:
     return rotation_at(row.at(header.index("qx")), _numbers(row, header, "qx", "qy", "qz", "qw"))
 
 
-def _rig_camera(fields: FileFields) -> RigCamera:
+def _rig_camera(fields: FileFields) -> PosedLens:
     where, values = fields.path, fields.values
     fx, skew, cx, below, fy, cy, left, under, last = fields.numbers("intrinsics", 9)
     if any((skew, below, left, under)) or last not in (0, 1) or min(fx, fy) <= 0:
@@ -136,4 +126,4 @@ def _rig_camera(fields: FileFields) -> RigCamera:
     if width < 1 or height < 1:
         raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height >= 1 are expected")
     lens = Lens(str(where), (fx, fy, cx, cy), 0.5, (round(height), round(width)), scales=True)
-    return RigCamera(lens, opencv_pose(fields.numbers("translation", 3), rotation))
+    return PosedLens(opencv_pose(fields.numbers("translation", 3), rotation), lens)

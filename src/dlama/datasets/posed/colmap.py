@@ -25,9 +25,10 @@ from dlama.datasets.posed import nerfstudio
 from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import pose_at, read_rows
-from dlama.errors import CameraError, FileError
+from dlama.errors import CameraError, FileError, any_error
 from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_inverse_depth
+from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.motion.poses import invert_pose, make_pose, quaternion_from_rotation, rotation_from_quaternion
@@ -37,6 +38,7 @@ from dlama.writing.atomic_write import write_file
 
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
 """How many each model has, in the order of their numbers in binary files."""
+CUT = "ends early; it is truncated, or no COLMAP file"
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,50 +122,43 @@ def _image(
 
 
 class _Bytes:
-    """Binary fields read one after the other; FileError at the file's end."""
+    """Binary fields read one after the other. struct.error, ValueError: the file ends before."""
 
     def __init__(self, path: Path) -> None:
-        if not path.is_file():
-            raise FileError(f"{path}: no such file; cameras and images, .txt or .bin, are expected")
-        self.path, self.data, self.at = path, path.read_bytes(), 0
+        self.data, self.at = existing_file(path).read_bytes(), 0
 
     def take(self, kinds: str) -> tuple[float, ...]:
-        """The next fields, of `struct` kinds such as "idd"; FileError where the file ends before."""
-        try:
-            found = struct.unpack_from("<" + kinds, self.data, self.at)
-        except struct.error as error:
-            raise FileError(
-                f"{self.path}: ends early, at byte {len(self.data)}; it is truncated, or no COLMAP file"
-            ) from error
+        """The next fields, of `struct` kinds such as "idd"."""
+        found = struct.unpack_from("<" + kinds, self.data, self.at)
         self.at += struct.calcsize("<" + kinds)
         return found
 
     def text(self) -> str:
-        """The next name, up to its NUL; FileError where none comes."""
-        end = self.data.find(b"\0", self.at)
-        if end < 0:
-            raise FileError(f"{self.path}: ends within a name; it is truncated, or no COLMAP file")
-        start, self.at = self.at, end + 1
+        """The next name, up to its NUL."""
+        start, end = self.at, self.data.index(b"\0", self.at)
+        self.at = end + 1
         return self.data[start:end].decode("utf-8", "replace")
 
 
 def _binary_cameras(path: Path) -> dict[int, Lens]:
     data, cameras = _Bytes(path), dict[int, Lens]()
-    for _ in range(int(data.take("Q")[0])):
-        number, kind, width, height = (int(one) for one in data.take("iiQQ"))
-        model = dict(enumerate(PARAMETERS)).get(kind, f"number {kind}")
-        numbers = list(data.take("d" * PARAMETERS.get(model, 0)))
-        cameras[number] = _pinhole(path, str(path), model, numbers, (height, width))
+    with any_error(FileError, f"{path}: {CUT}"):
+        for _ in range(int(data.take("Q")[0])):
+            number, kind, width, height = (int(one) for one in data.take("iiQQ"))
+            model = dict(enumerate(PARAMETERS)).get(kind, f"number {kind}")
+            numbers = list(data.take("d" * PARAMETERS.get(model, 0)))
+            cameras[number] = _pinhole(path, str(path), model, numbers, (height, width))
     return cameras
 
 
 def _binary_images(path: Path, cameras: Mapping[int, Lens]) -> list[ColmapImage]:
     data, found = _Bytes(path), []
-    for _ in range(int(data.take("Q")[0])):
-        _, w, x, y, z, tx, ty, tz, camera = data.take("idddddddi")
-        name = data.text()
-        data.take(f"{24 * int(data.take('Q')[0])}x")  # its points
-        found.append(_image(str(path), name, int(camera), cameras, np.array([x, y, z, w]), np.array([tx, ty, tz])))
+    with any_error(FileError, f"{path}: {CUT}"):
+        for _ in range(int(data.take("Q")[0])):
+            _, w, x, y, z, tx, ty, tz, camera = data.take("idddddddi")
+            name = data.text()
+            data.take(f"{24 * int(data.take('Q')[0])}x")  # its points
+            found.append(_image(str(path), name, int(camera), cameras, np.array([x, y, z, w]), np.array([tx, ty, tz])))
     return found
 
 

@@ -155,29 +155,22 @@ def masks_by_number(
     damaged, others: name -> why, of frames that are left out, `damaged` of those that have no place either; masks of both are
     warned of. Raises InputError: no mask is left, no such frame, or a place where frames are damaged, which moves the places.
     """
-    given = _drop_empty({name: as_array(mask, "mask", "a bool array H x W") for name, mask in masks.items()})
+    given = {name: as_array(mask, "mask", "a bool array H x W") for name, mask in masks.items()}
+    given = {name: mask for name, mask in given.items() if mask.any()} or given
     why = {**damaged, **others}
     unused = [name for name in given if name in why]
     if unused and len(unused) == len(given):
         raise InputError(f"`mask` is for frame {unused[0]}, which is left out: {why[unused[0]]}")
     if unused:
         listed = ", ".join(unused[:3]) + ", ..." * (len(unused) > 3)
-        what = f"{format_count(len(unused), 'mask')} of frames that are left out: not used ({listed})"
-        warn(what)
+        warn(f"{format_count(len(unused), 'mask')} of frames that are left out: not used ({listed})")
     found: dict[int, BoolArray] = {}
-    for name in given:
-        if name in unused:
-            continue
+    for name in (each for each in given if each not in why):
         number = _number_of(name, names, damaged)
         if number in found:
             raise InputError(f"mask: frame {names[number]} has two; one mask a frame is expected")
         found[number] = given[name]
     return found
-
-
-def _drop_empty(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:
-    """Those that are not empty, unless all are."""
-    return {name: mask for name, mask in masks.items() if mask.any()} or masks
 
 
 def _number_of(name: str, names: Sequence[str], damaged: Mapping[str, str]) -> int:
