@@ -164,44 +164,19 @@ ALL, TOP, ONE = "each frame", "the listing", "the second frame"
 @pytest.mark.parametrize(
     ("write", "where", "change", "message"),
     [
-        (
-            as_nerf_s,
-            TOP,
-            {"camera_angle_x": 55.9},
-            r"frames\[0\]: camera_angle_x is 55\.9; radians between 0 and 3\.142",
-        ),
+        (as_nerf_s, TOP, {"camera_angle_x": 55.9}, r"frames\[0\]: camera_angle_x is 55\.9; radians between 0 and 3"),
         (as_nerf_s, TOP, {"camera_angle_x": "wide"}, r"camera_angle_x is \"wide\"; a finite number is expected"),
         (as_nerf_s, TOP, {"camera_angle_x": None}, r"has neither fl_x \(pixels\) nor camera_angle_x \(radians\)"),
         (as_nerf_s, TOP, {"w": 96}, r"frames\[0\]: field 'h' is missing"),
-        (
-            as_nerf_s,
-            ALL,
-            {"depth_file_path": None},
-            r"none of its 4 frames has a depth_file_path; name the .*dlama depth",
-        ),
+        (as_nerf_s, ALL, {"depth_file_path": None}, r"none of its 4 frames has a depth_file_path; .*dlama depth"),
         (as_nerf_s, ALL, {"file_path": "./train/r_0"}, r"train/r_0\.png: no such file"),
         (written, TOP, {"camera_model": "OPENCV_FISHEYE"}, r"camera_model is OPENCV_FISHEYE; one of PINHOLE"),
         (written, TOP, {"k4": 0.1}, r"frames\[0\]: k4 is not 0; a pinhole camera is expected"),
         (written, TOP, {"depth_unit_scale_factor": -1}, r"factor is -1; metres per unit > 0 are expected"),
-        (
-            written,
-            TOP,
-            {"depth_unit_scale_factor": 1.0},
-            r"f0\.png: the median depth is 3\d\d\d m, it looks like millimetres",
-        ),
-        (written, TOP, {"w": 640, "h": 480}, r"f0\.png: is 96x72, and .*transforms\.json: frames\[0\] is for 640x480"),
-        (
-            written,
-            ONE,
-            {"transform_matrix": np.diag([1, 1, -1, 1]).tolist()},
-            r"frames\[1\]: transform_.*: .*a mirroring",
-        ),
-        (
-            written,
-            ONE,
-            {"file_path": "images/f0.png"},
-            r"two frames have pictures called f0 \(scene \w+\); different names",
-        ),
+        (written, TOP, {"depth_unit_scale_factor": 1.0}, r"f0\.png: the median depth is 3\d\d\d m, it looks like mill"),
+        (written, TOP, {"w": 640, "h": 480}, r"f0\.png: is 96x72, and .*\.json: frames\[0\] is for 640x480"),
+        (written, ONE, {"transform_matrix": np.diag([1, 1, -1, 1]).tolist()}, r"1\]: transform_.*: .*a mirroring"),
+        (written, ONE, {"file_path": "images/f0.png"}, r"two frames have pictures called f0 \(scene \w+\); different"),
     ],
 )
 def test_bad_fields_are_named(

@@ -60,29 +60,19 @@ def write_bag(
             codes[0, :2] = 0
             metres = frame.depth.copy()
             metres[0, :2] = np.nan
-            match packing:
-                case "raw":
-                    bag.image(names[0], OPTICAL, seconds, frame.color[..., ::-1].copy(), "bgr8")
-                    bag.image(names[1], depth_frame, seconds + 0.004, codes, "16UC1")
-                case "float":
-                    bag.image(names[0], OPTICAL, seconds, frame.color, "rgb8")
-                    bag.image(names[1], depth_frame, seconds + 0.004, metres, "32FC1")
-                case "packed":
-                    bag.packed(
-                        f"{names[0]}/compressed", OPTICAL, seconds, png(frame.color), "bgr8; png compressed bgr8"
-                    )
-                    data = struct.pack("<iff", 0, 0, 0) + png(codes)
-                    bag.packed(
-                        f"{names[1]}/compressedDepth", depth_frame, seconds + 0.004, data, "16UC1; compressedDepth png"
-                    )
-                case _:
-                    bag.packed(f"{names[0]}/compressed", OPTICAL, seconds, png(frame.color), "rgb8; png compressed ")
-                    a, b = 60000.0, 2.0
-                    inverse = np.where(np.isnan(metres), 0, np.rint(a / np.maximum(metres, 1e-3) + b)).astype(np.uint16)
-                    data = struct.pack("<iff", 0, a, b) + png(inverse)
-                    bag.packed(
-                        f"{names[1]}/compressedDepth", depth_frame, seconds + 0.004, data, "32FC1; compressedDepth png"
-                    )
+            late, (a, b) = seconds + 0.004, (60000.0, 2.0)
+            if packing == "raw":
+                bag.image(names[0], OPTICAL, seconds, frame.color[..., ::-1].copy(), "bgr8")
+                bag.image(names[1], depth_frame, late, codes, "16UC1")
+            elif packing == "float":
+                bag.image(names[0], OPTICAL, seconds, frame.color, "rgb8")
+                bag.image(names[1], depth_frame, late, metres, "32FC1")
+            else:
+                inverse = np.where(np.isnan(metres), 0, np.rint(a / np.maximum(metres, 1e-3) + b)).astype(np.uint16)
+                kind, head, stored = ("16UC1", (0, 0), codes) if packing == "packed" else ("32FC1", (a, b), inverse)
+                bag.packed(f"{names[0]}/compressed", OPTICAL, seconds, png(frame.color), "bgr8; png compressed bgr8")
+                data = struct.pack("<iff", 0, *head) + png(stored)
+                bag.packed(f"{names[1]}/compressedDepth", depth_frame, late, data, f"{kind}; compressedDepth png")
     return path
 
 

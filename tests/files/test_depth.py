@@ -203,30 +203,28 @@ def test_disparity_of_other_kinds(tmp_path: Path) -> None:
         read_disparity(tmp_path / "z.npy")
 
 
+def flat(value: float, kind: type = np.float32) -> np.ndarray:
+    return np.full((3, 4), value, kind)
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        (np.zeros((3, 4), np.float32), r"no pixel has a depth \(12 of 12 missing, 0 far"),
-        (np.full((3, 4), np.inf, np.float32), r"no pixel has a depth \(0 of 12 missing, 12 far"),
+        (flat(0), r"no pixel has a depth \(12 of 12 missing, 0 far"),
+        (flat(np.inf), r"no pixel has a depth \(0 of 12 missing, 12 far"),
         (
-            np.full((3, 4), 5e9),
+            flat(5e9),
             r"every depth lies beyond 1e\+06 m with depth_scale=1 \(the nearest at 5e\+09 m\); is it the number",
         ),
         (np.array([[1, -2, -0.5]], np.float32), r"2 of 3 depth values are negative \(smallest -2\)"),
-        (np.full((3, 4), -np.inf, np.float32), r"no pixel has a depth \(12 of 12 missing, 0 far"),
+        (flat(-np.inf), r"no pixel has a depth \(12 of 12 missing, 0 far"),
         (np.array([[5, -2]], np.int16), "negative"),
-        (
-            np.full((3, 4), 1520, np.float32),
-            "1520 m.*millimetres read as metres: depth_scale=1000, or centimetres: depth_scale=100",
-        ),
-        (
-            np.full((3, 4), 9e4, np.float32),
-            r"millimetres read as metres: depth_scale=1000; if these are metres: depth_scale=1$",
-        ),
+        (flat(1520), "1520 m.*millimetres read as metres: depth_scale=1000, or centimetres: depth_scale=100"),
+        (flat(9e4), r"millimetres read as metres: depth_scale=1000; if these are metres: depth_scale=1$"),
         (np.array([[-1, -2, 0]], np.float32), "2 of 3 depth values are negative.*camera looks along -z, save -z"),
-        (np.full((3, 4), 3, np.uint16), "0.003 m.*metres read as millimetres: depth_scale=1$"),
-        (np.full((3, 4), 0.002, np.float32), "depth_scale=0.001"),
-        (np.full((3, 4), 200, np.uint8), "8-bit numbers, too coarse"),
+        (flat(3, np.uint16), "0.003 m.*metres read as millimetres: depth_scale=1$"),
+        (flat(0.002), "depth_scale=0.001"),
+        (flat(200, np.uint8), "8-bit numbers, too coarse"),
     ],
 )
 def test_bad_depth_is_refused(tmp_path: Path, values: np.ndarray, words: str) -> None:
@@ -239,7 +237,7 @@ def test_bad_depth_is_refused(tmp_path: Path, values: np.ndarray, words: str) ->
 @pytest.mark.parametrize("metres", [1520, 0.02])
 def test_metres_that_are_stated_are_not_doubted(tmp_path: Path, metres: float) -> None:
     """Law: aerial and microscopic depth is read by `depth_scale=1`, which the refusal says."""
-    np.save(tmp_path / "d.npy", np.full((3, 4), metres, np.float32))
+    np.save(tmp_path / "d.npy", flat(metres))
     with pytest.raises(DepthError, match=r"if these are metres: depth_scale=1$"):
         read_depth(tmp_path / "d.npy")
     assert (read_depth(tmp_path / "d.npy", depth_scale=1) == np.float32(metres)).all()

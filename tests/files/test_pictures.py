@@ -283,6 +283,24 @@ def test_written_masks_codes_and_greys(tmp_path: Path) -> None:
     assert np.array(Image.open(tmp_path / "g.png")).tolist() == [[0, 128, 255, 255, 0]]
 
 
+HEADS = {
+    "GIF": b"GIF89a",
+    "BMP": b"BM",
+    "PPM": b"P6\n",
+    "JPEG 2000": b"\0\0\0\x0cjP  ",
+    "DPX": b"SDPX",
+    "Cineon": b"\x80\x2a\x5f\xd7",
+    "a raw file of a camera": b"\0\0\0\x18ftypcrx ",
+    "a video": b"\0\0\0\x14ftypqt  ",
+    "a NumPy array": b"\x93NUMPY",
+    "OpenEXR": b"v/1\x01",
+    "a pointer of Git LFS": b"version https://git-lfs.github.com/spec/v1",
+    "a web page": b"<!DOCTYPE html>",
+}
+"""How files of other kinds begin, by their specifications."""
+ADVICE = {"OpenEXR": "convert its linear light to sRGB", "a pointer of Git LFS": "`git lfs pull`", "a web page": ""}
+
+
 def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path) -> None:
     """Message: the scene itself goes elsewhere; of points and mesh it is the scene beside them; other pictures are named."""
     for name, told in (("s.npz", "a scene goes into view"), ("s.ply", r"the scene\.npz of the result goes into view")):
@@ -292,31 +310,12 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
     (tmp_path / "scene.npz").touch()
     with pytest.raises(FileError, match=r"is a directory, a file is expected \(.*scene\.npz\?\)$"):
         read_color(tmp_path)
-    heads = {"DPX": b"SDPX", "Cineon": b"\x80\x2a\x5f\xd7", "a raw file of a camera": b"\0\0\0\x18ftypcrx "}
-    heads |= {"a video": b"\0\0\0\x14ftypqt  "}
-    for kind in ("GIF", "BMP", "PPM", "JPEG 2000", *heads):
-        if kind in heads:
-            (tmp_path / "picture.png").write_bytes(heads[kind] + bytes(99))
-        else:
-            Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind.replace(" ", ""))
-        with pytest.raises(
-            FileError, match=f"no readable PNG, JPEG, WebP, TIFF or HEIC picture, but {kind}: save it as PNG"
-        ):
+    for kind, head in HEADS.items():
+        (tmp_path / "picture.png").write_bytes(head + bytes(99))
+        advice = ADVICE.get(kind, "save it as PNG")
+        with pytest.raises(FileError, match=f"no readable PNG, JPEG, WebP, TIFF or HEIC picture, but {kind}: {advice}"):
             read_color(tmp_path / "picture.png")
-    np.save(tmp_path / "m.npy", COLOR[..., 0] > 9)
-    with pytest.raises(FileError, match=r"m\.npy: is no readable .*, but a NumPy array: save it as PNG"):
-        read_mask(tmp_path / "m.npy")
-    absent = {b"version https://git-lfs.github.com/spec/v1": "a pointer of Git LFS", b"<!DOCTYPE html>": "a web page"}
-    for head, kind in absent.items():
-        (tmp_path / "picture.png").write_bytes(head)
-        with pytest.raises(FileError, match=f"HEIC picture, but {kind}: "):
-            read_color(tmp_path / "picture.png")
-    write_exr(tmp_path / "plate.exr", {name: np.ones((4, 4), np.float32) for name in "RGB"})
     for path, words in (
-        (
-            tmp_path / "plate.exr",
-            r"plate\.exr: is no readable .* picture, but OpenEXR: convert its linear light to sRGB",
-        ),
         ("https:/somewhere/a.jpg", "no such file; addresses are for `dlama batch` alone"),
         ("~/nowhere/a.jpg", "no such file; ~ is the home directory only where a shell replaces it"),
     ):
