@@ -7,6 +7,9 @@ plane, on uint16 it is right.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -16,7 +19,7 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, paste
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
-from dlama.inpainters.filling import Fill, Painter
+from dlama.inpainters.filling import Fill, Paint, Painter
 
 RADIUS = 3
 """Neighbourhood of cv2.inpaint in pixels."""
@@ -63,6 +66,15 @@ def depth_of_levels(levels: np.ndarray, scale: float) -> Float32Array:
 
 
 telea = Painter(paint, diffuse)
+
+
+def with_diffused_depth(paint: Paint, notes: Callable[[], dict[str, Any]]) -> Painter:
+    """A Painter of a function that fills pictures, whose own way with depth is diffusion; notes: what ran, for meta.json."""
+
+    def fill(view: View, context: FillContext, seed: int) -> Fill:
+        return Fill(paint(view.color, view.color_hole, seed), diffuse(view, context, seed).depth, notes=notes())
+
+    return Painter(paint, fill, notes)
 
 
 def spread_small(colors: np.ndarray, known: BoolArray, where: BoolArray | None = None) -> Float32Array:

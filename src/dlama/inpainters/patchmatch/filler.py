@@ -7,18 +7,15 @@ from the picture.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
 from dlama.geometry.holes import box_around, shrink_known, smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
-from dlama.geometry.view import View
-from dlama.inpainters.context import FillContext
-from dlama.inpainters.filling import Fill, Paint, Painter
+from dlama.inpainters.filling import Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
-from dlama.inpainters.opencv import spread_small, telea
+from dlama.inpainters.opencv import spread_small, with_diffused_depth
 from dlama.inpainters.patchmatch.completion import complete_picture
 from dlama.models.network_file import make_room
 
@@ -121,9 +118,6 @@ def patchmatch_filler(model: str | Path) -> Painter:
     """The filler with its network: MI-GAN's generator, or the published pipeline. FileError where the file is neither."""
     network = migan_filler(model)
 
-    def fill(view: View, context: FillContext, seed: int) -> Fill:
-        return Fill(paint(view.color, view.color_hole, seed), telea(view, context, seed).depth, notes=notes())
-
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
         if not hole.any():
             return picture
@@ -131,7 +125,4 @@ def patchmatch_filler(model: str | Path) -> Painter:
         painted = complete_picture(picture, hole, guess, seed)[0]
         return blend_with_guess(painted, guess, hole, guess_share=GUESS_SHARE)
 
-    def notes() -> dict[str, Any]:
-        return {"guess": network.notes()}
-
-    return Painter(paint, fill, notes)
+    return with_diffused_depth(paint, lambda: {"guess": network.notes()})
