@@ -29,9 +29,6 @@ from dlama.jobs.parameters import PICTURE, POINTING, RESULTS, check_parameters, 
 from dlama.jobs.verbs import check_job, perform
 from dlama.perception.depth_scale import RULES, describe_depth_source
 
-ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
-"""Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
-
 
 @dataclass
 class Command(JobInputs):
@@ -80,8 +77,8 @@ class Command(JobInputs):
         by_color = "salient" in p or "object_class" in p or p.get("masker", "rgbd") != "rgbd"
         needs_depth = "depth" in p or "with_shadow" in p or not by_color
         with warnings.catch_warnings():
-            if not ("depth" in p or "with_shadow" in p):
-                warnings.filterwarnings("ignore", ASSUMED)
+            if not ("depth" in p or "with_shadow" in p):  # the mask does not depend on what is assumed
+                warnings.filterwarnings("ignore", "the (scale of the estimated depth|field of view) is assumed")
             scene = is_scene(image)
             picture = picture_of(self.read_source(p)) if needs_depth or scene else self.read_color(p)
         return find_pointed(picture, image, p)[0], picture

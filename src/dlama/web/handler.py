@@ -32,10 +32,6 @@ TYPES = {
 }
 MOST_JSON = 2**20
 """Bytes of a request's fields."""
-MOST_LEAVING = 200
-"""Bytes of the number of a visit that ends."""
-MOST_DIGITS = 18
-"""Of the length of what is sent."""
 CHUNK = 2**18
 SECONDS = 60
 """A connection without a request for so long is closed."""
@@ -145,7 +141,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _leave(self) -> None:
         try:
-            self.server.visits.leave(self._body(MOST_LEAVING).decode("ascii", "replace"))
+            self.server.visits.leave(self._body(most=200).decode("ascii", "replace"))
             self._json({})
         except PageError as error:
             self._failed(error, None)
@@ -184,7 +180,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _length(self, most: int) -> int:
         given = self.headers.get("Content-Length") or "0"
-        if "Transfer-Encoding" in self.headers or not given.isdecimal() or len(given) > MOST_DIGITS:
+        # int() takes no number of any length
+        if "Transfer-Encoding" in self.headers or not given.isdecimal() or len(given) > 18:
             self.close_connection = True
             raise PageError("the length of what is sent must be given", status=411)
         if int(given) > most:

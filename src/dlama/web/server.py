@@ -24,8 +24,6 @@ from dlama.web.visits import Visits, open_visits
 
 ASSETS = Path(__file__).parents[1] / "assets" / "web"
 MOST_CONNECTIONS = 64
-M_ARENA_MAX = -8
-"""glibc, malloc.h."""
 ARENAS = 2
 """With glibc's default, 8 per core, memory rose for thousands of requests, each of which has a thread; with 2 it stays level."""
 
@@ -91,7 +89,7 @@ def is_loopback(host: str) -> bool:
 def share_arenas() -> None:
     """Let all threads of this process take memory from ARENAS arenas: what one request frees, the next one uses. glibc only."""
     with suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).mallopt(M_ARENA_MAX, ARENAS)
+        ctypes.CDLL(None).mallopt(-8, ARENAS)  # M_ARENA_MAX of malloc.h
 
 
 @contextmanager

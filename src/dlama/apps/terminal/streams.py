@@ -23,11 +23,7 @@ PLAIN = {
     "“": '"', "”": '"', "‘": "'", "’": "'", "─": "-", "━": "-", "│": "|", "┃": "|",
 } | dict.fromkeys("╭╮╰╯┌┐└┘├┤┬┴┼", "+")  # fmt: skip
 """Signs -> what is printed for them where the stream cannot show them."""
-UNPRINTABLE = ("Cc", "Cf", "Zl", "Zp")
-"""Unicode categories of signs that are not shown but act."""
 PLAINLY = "dlama-plainly"
-LATER = 0.05
-"""Seconds after which a signal comes again whose exception was ignored."""
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -55,7 +51,9 @@ def _replace_unencodable(error: UnicodeError) -> tuple[str, int]:
 def printable(text: str) -> str:
     """The text with what would act on a terminal (control characters but line breaks, marks of direction) escaped."""
     return "".join(
-        sign if sign == "\n" or category(sign) not in UNPRINTABLE else sign.encode("unicode_escape").decode("ascii")
+        sign
+        if sign == "\n" or category(sign) not in ("Cc", "Cf", "Zl", "Zp")
+        else sign.encode("unicode_escape").decode("ascii")
         for sign in text
     )
 
@@ -105,7 +103,7 @@ def signals_raise() -> Iterator[None]:
             return
         for each in before:
             signal.signal(each, first)
-        later = threading.Timer(LATER, signal_main_thread, stopped.args)
+        later = threading.Timer(0.05, signal_main_thread, stopped.args)
         later.daemon = True
         later.start()
 

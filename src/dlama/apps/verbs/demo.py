@@ -26,8 +26,6 @@ ASSETS = dlama.example()
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""
 INPUTS = ("street.jpg", "depth.png", "camera.json", "mask.png", "right.jpg", "calib.txt")
 """What the jobs read."""
-VIDEO_PICTURES, VIDEO_PX, VIDEO_FPS = 16, 256, 12.0
-"""Of the demo's video: pictures on the way there, their width, and how many are shown a second."""
 PICTURE = {"image": ASSETS / "street.jpg", "depth": ASSETS / "depth.png", "camera": ASSETS / "camera.json"}
 PAIR = {"left": ASSETS / "street.jpg", "right": ASSETS / "right.jpg", "calib": ASSETS / "calib.txt"}
 MASK = {"mask": ASSETS / "mask.png"}
@@ -42,11 +40,11 @@ JOBS: dict[str, tuple[str, str, dict[str, Any]]] = {
 
 
 def demo_video(path: Path, done: dlama.Completion) -> None:
-    """The way from the source camera to the view's and back, small, as an animated WebP. Raises OutputError."""
-    cameras = interpolate_cameras([done.source.camera, done.view.camera], VIDEO_PICTURES)
-    small = [one.resized(VIDEO_PX, round(VIDEO_PX * one.height / one.width)) for one in cameras]
+    """The way from the source camera to the view's and back, 256 px wide, as an animated WebP. Raises OutputError."""
+    cameras = interpolate_cameras([done.source.camera, done.view.camera], 16)
+    small = [one.resized(256, round(256 * one.height / one.width)) for one in cameras]
     pictures = [view.color for view in dlama.render_path(done.scene, small)]
-    write_video(path, [*pictures, *pictures[-2:0:-1]], VIDEO_FPS)
+    write_video(path, [*pictures, *pictures[-2:0:-1]], fps=12.0)
 
 
 def demo(output: Path, completing: CompletingOptions, result: Result) -> None:

@@ -17,8 +17,6 @@ from dlama.web.answers import Limits
 if TYPE_CHECKING:
     from dlama.web.server import Server
 
-WAKES_SECONDS = 1.0
-"""How often the wait for the end is interrupted: on Windows Ctrl-C is noticed between waits alone."""
 Host = Annotated[str, option("ADDRESS", "127.0.0.1")]
 Port = Annotated[int, option("N", "7860")]
 Token = Annotated[str | None, option("TEXT", "one is made where other machines can reach the page")]
@@ -74,7 +72,7 @@ def serve_until_interrupted(server: Server) -> None:
     try:
         thread.start()
         while thread.is_alive():
-            thread.join(WAKES_SECONDS)
+            thread.join(1.0)  # on Windows Ctrl-C is noticed between waits alone
     except KeyboardInterrupt:
         server.shutdown()
 

@@ -28,10 +28,6 @@ from dlama.writing.atomic_write import writing
 from dlama.writing.drafts import lock
 
 FOLDER, TABLE = "manifest", "manifest.csv"
-SHARD_ROWS = 20_000
-"""Rows of one shard."""
-REMOTE_ROWS, REMOTE_SECONDS = 500, 20.0
-"""On object stores, which cannot append, a shard is written after so many rows, or so long after the last one."""
 
 
 class Manifest:
@@ -124,7 +120,7 @@ class Manifest:
     @system_errors(OutputError)
     def add(self, row: JobResult) -> None:
         """Enter a result: from here on it counts. OutputError: it cannot be written."""
-        if self._writer is None or self._shard_rows >= SHARD_ROWS:
+        if self._writer is None or self._shard_rows >= 20_000:
             self._new_shard()
         assert self._writer is not None
         line = row.as_json()
@@ -133,9 +129,9 @@ class Manifest:
             self._writer.flush()
         self._index.execute("insert or replace into rows values (?, ?)", (row.id, line))
         self._shard_rows += 1
-        if self.output.is_remote:
+        if self.output.is_remote:  # object stores cannot append: the shard is sent now and then
             rows, last = self._sent
-            if rows + 1 >= REMOTE_ROWS or time.monotonic() - last > REMOTE_SECONDS:
+            if rows + 1 >= 500 or time.monotonic() - last > 20:
                 self._send()
             else:
                 self._sent = rows + 1, last

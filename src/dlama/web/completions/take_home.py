@@ -27,8 +27,6 @@ OUT = "out"
 MASK = "mask.png"
 EVERY = tuple(name for name in RESULTS if name != "mask")
 """What can be taken home as single files; the zip has those that the command line writes."""
-PACKED = (".json", ".txt")
-"""Endings that a zip makes smaller."""
 FILES = {"view": ("image", "depth"), "remove": ("image", "depth", "mask"), "stereo": ("left", "right")}
 """Verb -> its files that have no flag, in their order."""
 FLAGS = {name: one.flag for name, one in options_in(Pointing).items() if one.flag}
@@ -170,7 +168,7 @@ def zip_result(result: Result, parent: Path) -> bytes:
         out = write_result(result, Path(name))
         with zipfile.ZipFile(stream, "w") as archive:
             for path in sorted(each for each in out.rglob("*") if each.is_file()):
-                kind = zipfile.ZIP_DEFLATED if path.suffix in PACKED else zipfile.ZIP_STORED
+                kind = zipfile.ZIP_DEFLATED if path.suffix in (".json", ".txt") else zipfile.ZIP_STORED
                 archive.write(path, f"{OUT}/{path.relative_to(out).as_posix()}", kind, compresslevel=1)
             if needs_mask_file(result):
                 archive.write(Path(name) / MASK, MASK)

@@ -31,8 +31,6 @@ FAILED = 1
 """Exit code where some cases could not be run."""
 NETWORK_FILLERS = tuple(name for name, record in FILLERS.items() if record.needs_model)
 """Fillers that run a network."""
-YAW_NEAR = 0.5
-"""Degrees by which a pair's yaw may differ from the one asked for."""
 
 
 def open_cases(path: str, cases: Cases) -> Dataset:
@@ -74,13 +72,11 @@ def known_yaws(dataset: Dataset) -> list[str]:
 
 
 def has_yaw(case: Case, yaws: Sequence[float], orbit: bool) -> bool:
-    """Whether --yaws lets the case through: it is as near, or has that name in the report (≈30). Those without a yaw it does not
-    concern."""
+    """Whether --yaws lets the case through: it is as near as half a degree, or has that name in the report (≈30). Those without
+    a yaw it does not concern."""
     if not yaws or case.yaw is None:
         return True
-    return any(
-        abs(abs(case.yaw) - abs(yaw)) <= YAW_NEAR or f"≈{abs(yaw):g}" in own_labels(case.yaw, orbit) for yaw in yaws
-    )
+    return any(abs(abs(case.yaw) - abs(yaw)) <= 0.5 or f"≈{abs(yaw):g}" in own_labels(case.yaw, orbit) for yaw in yaws)
 
 
 def all_methods(methods: Methods) -> list[Method]:
