@@ -32,8 +32,6 @@ MODES: tuple[Mode, ...] = ("surface", "points")
 
 ALL = np.zeros((0, 0), np.int32)
 """Instead of a table of the pixels that count (`count_wanted`): all do."""
-LARGEST = np.uint64(2**32 - 1)
-"""The largest number in half of a 64-bit one."""
 NO_ERRORS = freeze(np.zeros((0, 0, 2), np.float32))
 """Instead of `View.errors` where there are none."""
 
@@ -179,33 +177,27 @@ def draw_apart(
 def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
     x, y, w, _ = (plane.ravel() for plane in transform_depth(grid.surface.mesh[0], grid.way))
-    depth = np.divide(np.float32(1), w, out=np.zeros_like(w), where=w > 0)
-    color, _, origin, confidence, errors = grid.pixels
-    points = shading.Planes(color.reshape(-1, 3), depth, origin.ravel(), confidence.ravel(), errors.reshape(-1, 2))
-    draw_points(points, x, y, w, canvas)
+    with np.errstate(divide="ignore"):  # where there is nothing
+        depth = np.float32(1) / w
+    draw_points(grid.pixels._replace(depth=depth), x, y, w, canvas)
 
 
 def draw_points(points: shading.Planes, x: np.ndarray, y: np.ndarray, w: Float32Array, canvas: Canvas) -> None:
-    """Points (planes of N, not H x W) onto the pixel that each falls on, where it is the nearest (the paper's P', eq. 2).
+    """Points (planes of any shape) onto the pixel that each falls on, where it is the nearest (the paper's P', eq. 2).
 
     x, y: N px; w: N inverse depths (1/m), 0 = nothing, or not in front: x and y may be anything there.
     """
-    height, width = canvas.depth.shape
-    number = np.flatnonzero((w > 0) & (x >= 0) & (y >= 0) & (x < width) & (y < height))
-    place = y[number].astype(np.intp) * width + x[number].astype(np.intp)
-    # one number for inverse depth and point, larger where nearer, or as near and earlier
+    (height, width), count = canvas.depth.shape, len(w)
     nearest = np.zeros(height * width, np.uint64)
-    np.maximum.at(
-        nearest, place, w[number].view(np.uint32).astype(np.uint64) << 32 | LARGEST - number.astype(np.uint64)
+    in_bands(raster.drop_points, count, x, y, w, width, nearest, band=count)
+    in_a_column = shading.Planes(
+        points.color.reshape(-1, 1, 3),
+        points.depth.reshape(-1, 1),
+        points.origin.reshape(-1, 1),
+        points.confidence.reshape(-1, 1),
+        points.errors.reshape(-1, 1, 2),
     )
-    at = np.flatnonzero(nearest)
-    shown, (row, column) = (LARGEST - (nearest[at] & LARGEST)).astype(np.intp), np.divmod(at, width)
-    measured = points.origin[shown] == Origin.MEASURED.value
-    canvas.color[row, column], canvas.depth[row, column] = points.color[shown], points.depth[shown]
-    canvas.origin[row, column] = np.where(measured, np.uint8(Origin.REPROJECTED), points.origin[shown])
-    canvas.confidence[row, column] = points.confidence[shown]
-    if len(canvas.errors) and len(points.errors):
-        canvas.errors[row, column] = points.errors[shown]
+    in_bands(shading.shade_points, height, nearest.reshape(height, width), in_a_column, canvas, band=light_band(width))
 
 
 def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32]) -> None:

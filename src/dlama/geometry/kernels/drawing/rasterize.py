@@ -29,6 +29,8 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 NEAR = 1e-3
 """Near plane in metres."""
+HALF_WORD, LARGEST = np.uint64(32), np.uint64(2**32 - 1)
+"""Bits of each half of a point of `drop_points`, and the largest number that fits."""
 
 
 class ZBuffer(NamedTuple):
@@ -59,6 +61,31 @@ def transform(first: Whole, last: Whole, depth: Float32Array, way: PixelMap, out
             out.y[row, column] = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
             out.w[row, column] = inverse if seen else 0.0
         span_chunks(out, row)
+
+
+@kernel
+def drop_points(
+    first: Whole,
+    last: Whole,
+    x: np.ndarray,
+    y: np.ndarray,
+    w: Float32Array,
+    columns: Whole,
+    nearest: NDArray[np.uint64],
+) -> None:
+    """Points onto the pixel that each falls on, where it is the nearest (the paper's P', eq. 2).
+
+    x, y: N px; w: N inverse depths (1/m), 0 = nothing, or not in front: x and y may be anything there. columns: W.
+    nearest: H W zeros; inverse depth and number of a point as one number, larger where nearer, or as near and earlier. All points
+    are one band, for they share a z-buffer: those of several bands take longer to allocate than points to draw.
+    """
+    rows = len(nearest) // columns
+    for point in range(first, last):
+        px, py = x[point], y[point]
+        if (w[point] > 0) & (px >= 0) & (py >= 0) & (px < columns) & (py < rows):
+            at = np.int64(py) * columns + np.int64(px)
+            key = (np.uint64(np.float32(w[point]).view(np.uint32)) << HALF_WORD) | (LARGEST - np.uint64(point))
+            nearest[at] = max(nearest[at], key)
 
 
 @piece

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import Origin
-from dlama.geometry.kernels.drawing.rasterize import ZBuffer, quad_sides
+from dlama.geometry.kernels.drawing.rasterize import LARGEST, ZBuffer, quad_sides
 from dlama.geometry.kernels.drawing.sampling import (
     HALF,
     ONE,
@@ -153,6 +153,19 @@ def stride(drawn: ZBuffer, ty: Whole, tx: Whole, y: Whole, x: Whole) -> tuple[Re
     if abs(u) > FARTHEST or abs(v) > FARTHEST:
         return ZERO, ZERO
     return u, v
+
+
+@kernel
+def shade_points(first: Whole, last: Whole, nearest: NDArray[np.uint64], points: Planes, out: Planes) -> None:
+    """Each pixel shows its nearest point as it is. nearest: H x W, of `drop_points`; points: planes of N x 1, not H x W."""
+    for ty in range(first, last):
+        for tx in range(nearest.shape[1]):
+            if nearest[ty, tx] > 0:
+                point = np.int64(LARGEST - (nearest[ty, tx] & LARGEST))
+                out.depth[ty, tx] = points.depth[point, 0]
+                for channel in range(3):
+                    out.color[ty, tx, channel] = points.color[point, 0, channel]
+                copy_provenance(points, point, 0, out, ty, tx)
 
 
 @kernel
