@@ -7,6 +7,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,9 +38,11 @@ class FileFields:
 
     def number(self, name: str) -> float:
         """A finite number; raises CameraError."""
-        value = self._field(name)
-        number = as_float(value)
-        if number is None or not math.isfinite(number):
+        value, number = self._field(name), math.nan
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            with suppress(OverflowError):  # JSON's whole numbers have no end
+                number = float(value)
+        if not math.isfinite(number):
             raise CameraError(f"{self.path}: {name} is {_format_value(value)}; a finite number is expected")
         return number
 
@@ -134,16 +137,6 @@ class FileFields:
         if name not in self.values:
             raise CameraError(f"{self.path}: field '{name}' is missing; it has {', '.join(self.values) or 'none'}")
         return self.values[name]
-
-
-def as_float(value: object) -> float | None:
-    """A JSON number as float, infinity where it is too large for one; None for anything else, true and false too."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        return float(value)
-    except OverflowError:  # JSON's whole numbers have no end
-        return math.inf
 
 
 def read_json_fields(path: PathLike) -> FileFields:

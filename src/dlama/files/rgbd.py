@@ -89,7 +89,11 @@ def read_rgbd(
         _refuse(
             of_file | {"inverse_depth": inverse_depth or None}, "is given without a depth file; it says how one is read"
         )
-        own = _find_photo_depth(image) if depth_model is None else None
+        own = None
+        try:
+            own = read_photo_depth(image) if depth_model is None else None
+        except DepthError as error:
+            warn(f"{error.marked}; depth is estimated instead")
         return _estimate_rgbd(image, lens, own, depth_model, far, options)
     if inverse_depth and depth_scale is None:
         given = of_file | {"channel": None, "depth_model": depth_model}
@@ -165,15 +169,6 @@ def _read_network_depth(image: PathLike, depth: PathLike, channel: str | None) -
     name = Path(depth).name
     about = {"file": name, "size": list(values.shape)}
     return PhotoDepth(values, metric=False, by=f"a network, read from {name}", about=about)
-
-
-def _find_photo_depth(image: PathLike) -> PhotoDepth | None:
-    """The depth in a photo's file; None, with a warning, where it cannot be used."""
-    try:
-        return read_photo_depth(image)
-    except DepthError as error:
-        warn(f"{error.marked}; depth is estimated instead")
-        return None
 
 
 def _use_photo_depth(

@@ -69,7 +69,9 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chose
             if "colmap" in chosen:
                 (folder / "sparse" / "0").mkdir(parents=True, exist_ok=True)
                 views = {f"{name}.png": camera for name, camera in cameras.items()}
-                write_model(folder / "sparse" / "0", views, thin_points(cloud))
+                write_model(
+                    folder / "sparse" / "0", views, thin_points(cloud, max(1, math.ceil(len(cloud) / COLMAP_POINTS)))
+                )
             del cloud
         if "mesh" in chosen:
             meshed = largest_layers(once, counts)
@@ -82,7 +84,7 @@ def cloud_of(scene: Scene, step: int) -> PointCloud:
     """The points that each layer adds, of each every `step`-th."""
     return concatenate(
         [
-            thin_points(lift(view.without(~contribution(view), HoleType.NONE)), step=step)
+            thin_points(lift(view.without(~contribution(view), HoleType.NONE)), step)
             for view in (layer.load_part() for layer in scene.layers)
         ]
     )
@@ -96,9 +98,8 @@ def largest_layers(scene: Scene, counts: Sequence[int]) -> Scene:
     return Scene(tuple(scene.layers[place] for place in kept))
 
 
-def thin_points(cloud: PointCloud, step: int | None = None) -> PointCloud:
-    """Every `step`-th point of a cloud, evenly; where it is not given, so that there are COLMAP_POINTS at most."""
-    step = max(1, math.ceil(len(cloud) / COLMAP_POINTS)) if step is None else step
+def thin_points(cloud: PointCloud, step: int) -> PointCloud:
+    """Every `step`-th point of a cloud, evenly."""
     return PointCloud(cloud.points[::step], cloud.color[::step], cloud.origin[::step], cloud.confidence[::step])
 
 

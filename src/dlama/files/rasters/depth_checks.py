@@ -64,20 +64,20 @@ def warn_of_codes(path: PathLike, depth: Float32Array, units: float) -> None:
 def warn_of_millimetres(path: PathLike, depth: Float32Array, median: float) -> None:
     """Warn (UserWarning) of floats read as metres that begin far away and end not much farther, as a close-range scanner's
     millimetres do."""
-    if is_close_range(depth, median):
-        near, far = np.percentile(depth[depth > 0], (2, 98))
+    if found := close_range(depth, median):
+        near, far = found
         warn(
             f"{path}: nearly all of the depth is {near:.3g} to {far:.3g} m: if these are millimetres, give `depth_scale=1000`, "
             "if centimetres `depth_scale=100`; `depth_scale=1` says that they are metres"
         )
 
 
-def is_close_range(depth: Float32Array, median: float) -> bool:
-    """Whether depth (H x W metres) begins far away and ends not much farther."""
+def close_range(depth: Float32Array, median: float) -> tuple[float, float] | None:
+    """Where depth (H x W metres) begins and ends, if it begins far away and ends not much farther."""
     if median < CLOSE_RANGE[0] or np.isposinf(depth).any():
-        return False
+        return None
     near, far = np.percentile(depth[depth > 0], (2, 98))
-    return bool(far < CLOSE_RANGE[1] * near)
+    return (near, far) if far < CLOSE_RANGE[1] * near else None
 
 
 def warn_of_unit(path: PathLike, rgbd: RGBD) -> None:
@@ -86,7 +86,7 @@ def warn_of_unit(path: PathLike, rgbd: RGBD) -> None:
     if (
         check_lens(rgbd.camera)
         or Path(path).suffix.lower() not in (".exr", ".pfm")
-        or is_close_range(rgbd.depth, float(np.median(rgbd.depth[rgbd.valid])))
+        or close_range(rgbd.depth, float(np.median(rgbd.depth[rgbd.valid])))
     ):
         return
     for found in check_depth_unit(Observed.of(rgbd, ("image", str(path), "mask"), units=1.0)):
