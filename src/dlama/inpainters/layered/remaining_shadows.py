@@ -98,19 +98,13 @@ def find_shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Arr
     near = surface & (distance <= reach)
     if beyond.sum() < LEAST_CELLS or not near.any():
         return np.zeros_like(surface)
-    dark = fit_lit_surface(level, near | beyond) - level
+    rows, columns = np.nonzero(near | beyond)
+    height, width = surface.shape
+    design, seen = quadratic(columns / width, rows / height), level[rows, columns]
+    dark = np.zeros_like(level)  # below the lit surface, a quadratic over the pixels
+    dark[rows, columns] = (design @ robust_fit(design, seen.astype(np.float64))).astype(np.float32) - seen
     core = max(DARKER, CLEARLY * float(np.quantile(dark[beyond], USUAL)))
     darker = morphological_open(near & (dark > max(FAINTEST, core / 2)), square(3))
     number = cv2.connectedComponents(darker.astype(np.uint8), connectivity=4)[1]
     adjacent = np.unique(number[near & (distance <= 2) & (dark > core)])
     return np.isin(number, adjacent[adjacent > 0])
-
-
-def fit_lit_surface(level: Float32Array, where: BoolArray) -> Float32Array:
-    """h x w: a quadratic over pixels in `where`, fitted to `level` by `robust_fit`; elsewhere `level` itself."""
-    rows, columns = np.nonzero(where)
-    height, width = where.shape
-    design, value = quadratic(columns / width, rows / height), level[rows, columns].astype(np.float64)
-    out = level.copy()
-    out[rows, columns] = design @ robust_fit(design, value)
-    return out

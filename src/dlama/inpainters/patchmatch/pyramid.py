@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import box_around, dilate_square
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
-from dlama.inpainters.patchmatch import pyramid_kernels as kernels
-from dlama.inpainters.patchmatch.kernels import HALF
+from dlama.inpainters.patchmatch import kernels
 
 TEXTURE = 2.0
 """Weight of the two channels of texture next to the three of colour: without them grass turns to cloth (Newson et al. 2014)."""
@@ -119,14 +118,14 @@ def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArra
 def whole_patches(hole: BoolArray) -> BoolArray:
     """H x W, True in the centres of patches inside the picture and outside the hole."""
     out = ~dilate_by_patch(hole)
-    out[:HALF] = out[-HALF:] = False
-    out[:, :HALF] = out[:, -HALF:] = False
+    out[: kernels.HALF] = out[-kernels.HALF :] = False
+    out[:, : kernels.HALF] = out[:, -kernels.HALF :] = False
     return out
 
 
 def dilate_by_patch(hole: BoolArray) -> BoolArray:
     """H x W, True in the centres of patches that overlap the hole."""
-    return dilate_square(hole, 2 * HALF + 1)
+    return dilate_square(hole, 2 * kernels.HALF + 1)
 
 
 def hole_depth(hole: BoolArray) -> float:
