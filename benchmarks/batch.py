@@ -1,6 +1,9 @@
-"""What `dlama batch` gives: throughput against a shell loop and against warm processes.
+"""What `dlama batch` costs and gives: throughput against a shell loop and against one warm process, Ray's overhead, memory.
 
-    python benchmarks/batch.py [--jobs 24] [--fillers layered migan]
+    python benchmarks/batch.py throughput [--jobs 24] [--fillers layered migan]
+    python benchmarks/batch.py overhead [--jobs 400]
+    python benchmarks/batch.py memory [--rows 1000000]
+    python benchmarks/batch.py cluster [--jobs 200]
 
 Where other programs run on the computer, compare processor time; wall time is what counts where it is quiet.
 """
@@ -17,12 +20,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import dlama
+from dlama.jobs import batch as room
+from dlama.jobs.perform import Task
+from dlama.jobs.results.manifest import Manifest
+from dlama.jobs.results.result import JobResult
+from dlama.jobs.run import Settings, run_jobs
+from dlama.jobs.storage import Output, file_stamp
+from dlama.workers.pool import Pool
 
 ONLY = "image,depth"
 CAMERA = dlama.example() / "camera.json"
@@ -145,14 +156,107 @@ def batched(folder: Path, filler: str, count: int, workers: int) -> dict[str, fl
     return {"wall": wall, "processor": (took[1]["processor"] - took[0]["processor"]) / count, "peak": peak}
 
 
+def nothing(task: Task) -> JobResult:
+    """A job that costs nothing."""
+    return JobResult(task.job.id, "done")
+
+
+def overhead(folder: Path, jobs: int) -> None:
+    """Milliseconds a job of handing it out and entering its row, on processes and on a Ray cluster of this computer."""
+    from dlama.jobs.on_ray import RayWorkers
+
+    starts: dict[str, Callable[[], Any]] = {
+        "processes": lambda: Pool(nothing, 1),
+        "ray": lambda: RayWorkers(nothing, "local", 1, 1, 0.0),
+    }
+    source = room.JobList(list(rows(jobs)))
+    found = {}
+    for how, start in starts.items():
+        settings = Settings(Output(str(folder / how)))
+        times = [time.perf_counter() for _ in run_jobs(source, True, settings, start)]
+        steps = [later - sooner for sooner, later in pairwise(times[20:])]
+        found[how] = 1000 * sum(steps) / len(steps)
+        print(f"{how:10} {found[how]:7.2f} ms a job (median step {1000 * statistics.median(steps):.2f} ms)")
+    print(f"ray over processes: {found['ray'] - found['processes']:.2f} ms a job; wanted: at most 15")
+
+
+def memory(folder: Path, count: int) -> None:
+    """Peak memory and seconds of a driver that lists so many jobs and finds every one of them done."""
+    path = write_list(folder / "jobs.csv", count)
+    jobs = iter(room.JobList(path))
+    first = next(jobs)
+    inputs = {role: {"path": file, "sha256": "", "stamp": file_stamp(file)} for role, file in first.files.items()}
+    with Manifest(Output(str(folder / "out"))) as manifest:
+        for job in room.JobList(path):
+            row = JobResult(
+                job.id, "done", "view", folder=job.id, options_hash=job.options_hash, inputs=inputs, finished=1.0
+            )
+            manifest.add(row)
+    code = (
+        "import resource, sys, time\nfrom dlama.jobs import batch as room\nfrom dlama.jobs.storage import Output\n"
+        "Output.has = lambda self, name: True\n"
+        "started = time.perf_counter()\n"
+        "kept = sum(row.kept for row in room.batch(sys.argv[1], sys.argv[2], workers=1))\n"
+        "peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024\n"
+        "print(f'{kept} jobs listed and kept in {time.perf_counter() - started:.0f} s, peak memory {peak:.0f} MiB')\n"
+    )
+    subprocess.run([sys.executable, "-c", code, str(path), str(folder / "out")], check=True)
+
+
+def cluster(folder: Path, jobs: int) -> None:
+    """A head and three nodes on this computer, a node and a worker killed in the middle: rows, and bytes against processes'."""
+    import ray
+    from ray.cluster_utils import Cluster
+
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    path = write_list(folder / "jobs.csv", jobs, filler="telea", only="image")
+    size = {"object_store_memory": 80_000_000}
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False, **size})
+    nodes = [made.add_node(num_cpus=1, **size) for _ in range(3)]
+    ray.init(address=made.address, log_to_driver=False, logging_level="ERROR")
+    ids: list[str] = []
+    with clocks() as took:
+        for row in dlama.batch(path, folder / "ray", ray="auto", threads=1):
+            ids.append(row.id)
+            if len(ids) == jobs // 3:
+                made.remove_node(nodes[0], allow_graceful=False)
+            if len(ids) == jobs // 2:
+                kill_a_worker()
+    failed = sum(row.status == "failed" for row in dlama.batch(path, folder / "local", threads=1))
+    names = [f"{one}/image.png" for one in ids]
+    differ = sum((folder / "ray" / name).read_bytes() != (folder / "local" / name).read_bytes() for name in names)
+    print(
+        f"{len(ids)} rows of {jobs} jobs, {len(ids) - len(set(ids))} twice, {failed} failed, {differ} differ from processes'"
+    )
+    print(f"{took['wall']:.0f} s")
+
+
+def kill_a_worker() -> None:
+    """kill -9 of one process that runs an actor."""
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit() and b"ray::_Actor" in (folder / "cmdline").read_bytes():
+            os.kill(int(folder.name), 9)
+            return
+
+
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--jobs", type=int, default=24)
+    parser.add_argument("what", choices=("throughput", "overhead", "memory", "cluster"))
+    parser.add_argument("--jobs", type=int)
+    parser.add_argument("--rows", type=int, default=1_000_000)
     parser.add_argument("--fillers", nargs="+", default=["layered", "migan"])
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="dlama-batch-") as name:
-        throughput(Path(name), given.jobs, given.fillers)
+        folder = Path(name)
+        if given.what == "throughput":
+            throughput(folder, given.jobs or 24, given.fillers)
+        elif given.what == "overhead":
+            overhead(folder, given.jobs or 400)
+        elif given.what == "memory":
+            memory(folder, given.rows)
+        else:
+            cluster(folder, given.jobs or 200)
 
 
 if __name__ == "__main__":

@@ -283,6 +283,7 @@ TRAIN = {
     "steps": Reach("--steps 3", "train.settings", attribute("loop.steps", 3)),
     "batch": Reach("--batch 7", "train.settings", attribute("loop.batch", 7)),
     "precision": Reach("--precision bf16", "train.settings", attribute("loop.precision", "bf16")),
+    "devices": Reach("--devices 2", "train.settings", attribute("loop.devices", 2)),
 }
 WORLDS = {
     "output": Reach("-o elsewhere", "write_worlds.folder", Path("elsewhere")),

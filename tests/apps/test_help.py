@@ -168,6 +168,7 @@ def test_what_is_positional_has_no_flag() -> None:
         ("stereo", "`image` is missing", "image is missing"),
         ("remove", "`clicks` holds 3,4, which lies on the sky", "--click holds 3,4, which lies on the sky"),
         ("remove", "`clicks` and `not_clicks` both hold pixel 3,4", "--click and --not both hold pixel 3,4"),
+        ("train", "`loop.devices` is 9999; 2 are here", "--devices is 9999; 2 are here"),
         ("train", "`network.start` is 'b.ckpt', not 'a.ckpt'", "--start is 'b.ckpt', not 'a.ckpt'"),
         ("train", "`data.size` 64 and `loop.batch` 9 take 1 GB", "data.size 64 and --batch 9 take 1 GB"),
     ],

@@ -13,28 +13,35 @@ from running import error_line
 
 from dlama.apps import cli
 from dlama.apps.model_files import model_for
+from dlama.apps.verbs.networks.model_verbs import models
 from dlama.errors import FileError, InputError
 from dlama.models.records import CATALOGUE
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
-from dlama.nets.safetensors_file import write_safetensors
 
 SMALL = GeneratorSettings(width=4, blocks=1, downsamplings=2)
+CODES = {"f4": "F32", "f2": "F16", "i8": "I64"}
 
 
 def write_weights(path: Path, half: bool = False) -> Path:
-    """A small generator of random weights as safetensors."""
-    rng, arrays = np.random.default_rng(0), dict[str, np.ndarray]()
+    """A small generator of random weights as safetensors, written by hand."""
+    rng = np.random.default_rng(0)
+    header, body = {}, b""
     for name, shape in generator_shapes(SMALL).items():
         kind = "i8" if name.endswith("num_batches_tracked") else "f2" if half and name.endswith(".bias") else "f4"
-        arrays[name] = np.asarray(rng.uniform(0.5, 1.0, shape), kind)
-    write_safetensors(path, arrays)
+        data = np.asarray(rng.uniform(0.5, 1.0, shape), kind).tobytes()
+        header[name] = {"dtype": CODES[kind], "shape": shape, "data_offsets": (len(body), len(body) + len(data))}
+        body += data
+    text = json.dumps(header).encode()
+    path.write_bytes(len(text).to_bytes(8, "little") + text + body)
     return path
 
 
 @pytest.fixture(autouse=True)
 def cache_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty cache directory."""
+    """An empty cache directory, and a command line that knows `models`."""
     monkeypatch.setenv("DLAMA_MODELS", str(tmp_path / "cache"))
+    monkeypatch.setitem(cli.VERBS, "models", models)
+    monkeypatch.setitem(cli.EXAMPLES, "models", ("dlama models list",))
     return tmp_path / "cache"
 
 
@@ -61,10 +68,10 @@ def test_list_and_info(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> N
     cli.main(["models", "list"])
     told = capsys.readouterr().out
     assert all(name in told for name in CATALOGUE) and str(cache_dir) in told
-    cli.main(["models", "info", "depth-anything-outdoor"])
+    cli.main(["models", "info", "big-lama-official"])
     told = capsys.readouterr().out
-    assert "sha256    unknown" in told and "never had this file" in told
-    assert f"{cache_dir / 'depth-anything-outdoor.onnx'} (no)" in told
+    assert "unknown, pinned on first use" in told and "never had this file" in told
+    assert f"{cache_dir / 'big-lama-official.ckpt'} (no)" in told
 
 
 def test_errors_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -88,7 +95,7 @@ def test_errors_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path)
 def test_pull_of_what_is_here(
     capsys: pytest.CaptureFixture[str], cache_dir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nobody is asked, the file is checked, and its hash said where none is published."""
+    """Nobody is asked, the file is checked, and its hash pinned when none is published."""
     toy = dataclasses.replace(
         CATALOGUE["mobile-sam-decoder"], name="toy", file="toy.onnx", sha256=None, bytes=None, urls=()
     )
@@ -98,7 +105,7 @@ def test_pull_of_what_is_here(
     cli.main(["models", "pull", "toy"])
     assert capsys.readouterr().out.startswith(f"{cache_dir / 'toy.onnx'}: sha256 ")
     cli.main(["models", "verify"])
-    assert "toy.onnx: unknown, sha256" in capsys.readouterr().out
+    assert "toy.onnx: verified, sha256" in capsys.readouterr().out
 
 
 def test_convert(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -126,6 +133,30 @@ def test_model_for_converts_once(capsys: pytest.CaptureFixture[str], tmp_path: P
     assert capsys.readouterr().err == ""
     write_weights(source, half=True)
     assert model_for(source) != first
+
+
+@pytest.mark.parametrize("damage", ["flipped", "empty", "no hash", "empty hash"])
+def test_a_damaged_converted_network_is_made_anew(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, cache_dir: Path, damage: str
+) -> None:
+    """Oracle: the bytes of the first time; the note says so."""
+    pytest.importorskip("onnx")
+    source = write_weights(tmp_path / "w.safetensors")
+    first = model_for(source)
+    whole, beside = first.read_bytes(), first.with_suffix(".sha256")
+    if damage == "flipped":
+        first.write_bytes(whole[:500] + bytes([whole[500] ^ 1]) + whole[501:])
+    elif damage == "empty":
+        first.write_bytes(b"")
+    elif damage == "no hash":
+        beside.unlink()
+    else:
+        beside.write_bytes(b"")
+    capsys.readouterr()
+    assert model_for(source) == first and first.read_bytes() == whole
+    assert "is not as it was written; it is made anew" in capsys.readouterr().err
+    assert model_for(source) == first and capsys.readouterr().err == ""
+    assert sorted(path.suffix for path in first.parent.iterdir()) == [".onnx", ".sha256"]
 
 
 def test_model_for_other_words(tmp_path: Path, cache_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:

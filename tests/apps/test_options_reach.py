@@ -179,7 +179,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.verbs.networks.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))
     spy("dlama.apps.verbs.networks.model_verbs.convert", [])
     spy("dlama.apps.verbs.networks.model_verbs.source_of", lambda model: Path(model))
-    spy("dlama.apps.verbs.networks.model_verbs.sha256_of", "abc")
+    spy("dlama.apps.verbs.networks.model_verbs.size_and_sha256", (3, "abc"))
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import pickle
 import struct
 import tempfile
@@ -55,7 +56,9 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.networks.contract import CONTRACT_KEY, Contract, from_metadata
+from dlama.models.cache import known_size_and_sha256
 from dlama.models.network_file import NetworkFile
+from dlama.models.records import CATALOGUE
 from dlama.nets.safetensors_file import read_safetensors, write_safetensors
 from dlama.nets.torch_file import TorchFile
 from dlama.training.presets import PRESETS, from_json, to_json
@@ -378,7 +381,8 @@ def networks() -> list[Reader]:
 
 
 def kept() -> list[Reader]:
-    """What dlama itself wrote to be read again: results of an evaluation."""
+    """What dlama itself wrote to be read again: hashes of models, results of an evaluation."""
+    pins = {"big-lama.pt": {"sha256": "0" * 64, "bytes": 12}, "migan.onnx": {"sha256": "1" * 64, "bytes": 7}}
     rows = tuple(
         Row("vpi", "street", "s01", "0001", -20.0, recipe, "telea", *measure)
         for recipe in ("dlama", "dlama+object,dilate=3")
@@ -386,9 +390,16 @@ def kept() -> list[Reader]:
     )
     case = Stored("key", rows, rows[:1], {"dlama": "case--0.jpg"}, ("warned",))
     return [
+        Reader("pins.json", json.dumps(pins).encode(), pinned),
         Reader("case.json", made(lambda path: write_stored(path, case), ".json"), rows_of_stored),
         Reader("big.tif", big_tiff(), read_color),
     ]
+
+
+def pinned(path: Path) -> object:
+    """The hashes and sizes in a folder of models."""
+    os.environ["DLAMA_MODELS"] = str(path.parent)
+    return [known_size_and_sha256(entry) for entry in CATALOGUE.values()]
 
 
 def rows_of_stored(path: Path) -> object:

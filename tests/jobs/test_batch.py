@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,10 +17,13 @@ from box_frame import small_frame
 from dlama.errors import InputError, OutputError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch
+from dlama.jobs.job import Job
 from dlama.jobs.perform import Task, failed_row
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.results.result import JobResult
+from dlama.jobs.run import WINDOW, Settings, run_jobs
 from dlama.jobs.storage import Output
+from dlama.workers.pool import TaskEnd
 
 
 def run(folder: Path, rows: list[dict[str, object]], **options: object) -> list[dlama.JobResult]:
@@ -67,23 +71,59 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(tmp_path: Path) -> 
     """Oracle: which rows say that they were kept, after each change; a touched file of the same bytes is no change."""
     small_frame(tmp_path)
     rows = view_rows(3)
-    assert [row.kept for row in run(tmp_path, rows)] == [False] * 3
-    assert [row.kept for row in run(tmp_path, rows)] == [True] * 3
+    assert [row.kept for row in run(tmp_path, rows, ordered=True)] == [False] * 3
+    assert [row.kept for row in run(tmp_path, rows, ordered=True)] == [True] * 3
     os.utime(tmp_path / "image.png")
-    assert [row.kept for row in run(tmp_path, rows)] == [True] * 3
+    assert [row.kept for row in run(tmp_path, rows, ordered=True)] == [True] * 3
     rows[1]["yaw"] = 20
-    assert [row.kept for row in run(tmp_path, rows)] == [True, False, True]
-    assert [row.kept for row in run(tmp_path, rows, only="image")] == [False] * 3
+    assert [row.kept for row in run(tmp_path, rows, ordered=True)] == [True, False, True]
+    assert [row.kept for row in run(tmp_path, rows, ordered=True, only="image")] == [False] * 3
     (tmp_path / "out" / "v" / "002" / "meta.json").unlink()
     (tmp_path / "out" / "v" / "002" / "image.png").unlink()
     (tmp_path / "out" / "v" / "002").rmdir()
-    assert [row.kept for row in run(tmp_path, rows, only="image")] == [True, True, False]
+    assert [row.kept for row in run(tmp_path, rows, ordered=True, only="image")] == [True, True, False]
     image = (tmp_path / "image.png").read_bytes()
     (tmp_path / "image.png").write_bytes((tmp_path / "mask.png").read_bytes())
-    assert [row.kept for row in run(tmp_path, rows, only="image")] == [False] * 3
+    assert [row.kept for row in run(tmp_path, rows, ordered=True, only="image")] == [False] * 3
     (tmp_path / "image.png").write_bytes(image)
-    assert [row.kept for row in run(tmp_path, rows, resume=False)] == [False] * 3
+    assert [row.kept for row in run(tmp_path, rows, ordered=True, resume=False)] == [False] * 3
     assert len(table(tmp_path / "out")) == 3
+
+
+class Backwards:
+    """Workers of whom the one that was begun last ends first."""
+
+    count = 20
+
+    def __init__(self) -> None:
+        self.tasks: list[Task] = []
+        self.most = 0
+
+    @property
+    def free(self) -> int:
+        return self.count - len(self.tasks)
+
+    def submit(self, task: Task) -> None:
+        self.tasks.append(task)
+        self.most = max(self.most, task.number - self.tasks[0].number)
+
+    def wait(self) -> list[TaskEnd]:
+        task = self.tasks.pop()
+        return [TaskEnd(task, JobResult(task.job.id, "done"))]
+
+    def close(self) -> None:
+        pass
+
+
+def test_few_results_wait_for_a_slow_job(tmp_path: Path) -> None:
+    """Oracle: the list, with a row that cannot be run; no job is begun WINDOW x workers after the one that is waited for, and
+    none is forgotten."""
+    jobs, workers = [Job(f"{number:03}", "view") for number in range(500)], Backwards()
+    jobs[7] = replace(jobs[7], error="yaw is 'x'")
+    settings = Settings(Output(str(tmp_path / "out")), ordered=True, resume=False)
+    results = list(run_jobs(jobs, True, settings, lambda: workers))
+    assert [row.id for row in results] == [job.id for job in jobs]
+    assert workers.count < workers.most < WINDOW * workers.count
 
 
 def test_a_job_that_kills_its_worker_twice_is_one_failed_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

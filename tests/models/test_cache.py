@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, OutputError
 from dlama.models import records
-from dlama.models.cache import directory, locate, user_path
+from dlama.models.cache import directory, known_size_and_sha256, locate, read_pins, user_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import verify
 
@@ -37,7 +37,9 @@ def test_records_are_whole() -> None:
 
 def test_an_unknown_name_lists_the_known() -> None:
     """So that a typing error is seen at once."""
-    with pytest.raises(InputError, match=r"no model is called 'big-lame'; known: big-lama, depth-anything-small"):
+    with pytest.raises(
+        InputError, match=r"no model is called 'big-lame'; known: big-lama, big-lama-official, depth-anything-small"
+    ):
         record("big-lame")
 
 
@@ -48,6 +50,18 @@ def test_the_directory(monkeypatch: pytest.MonkeyPatch, cache_dir: Path) -> None
     assert directory() == Path.home() / "m"
     monkeypatch.delenv("DLAMA_MODELS")
     assert directory().parts[-2:] == ("dlama", "models") and directory().is_absolute()
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"a": ', "[1]", '{"toy.onnx": 3}'], ids=["deep", "cut", "list", "number"]
+)
+def test_damaged_pins_are_named(toy: Path, text: str) -> None:
+    """One error of the package, which says what to do; never overwritten silently."""
+    toy.write_bytes(b"first")
+    (toy.parent / "pins.json").write_text(text)
+    for read in (read_pins, lambda: verify(dataclasses.replace(TOY, sha256=None, bytes=None))):
+        with pytest.raises(FileError, match=r"pins\.json: .*remove it to pin every file anew"):
+            read()
 
 
 def test_locate(toy: Path) -> None:
@@ -63,8 +77,14 @@ def test_locate(toy: Path) -> None:
     assert locate("toy") == toy
 
 
+def test_an_archive_is_unpacked_by_hand() -> None:
+    """The way by hand names the entry of the archive."""
+    with pytest.raises(FileError, match=r"unpack it and put models/best\.ckpt from it at .*big-lama-official\.ckpt"):
+        locate("big-lama-official")
+
+
 def test_verify(toy: Path) -> None:
-    """Each state in words; a hash that nobody published is said."""
+    """Each state in words; a known hash is not pinned."""
     assert verify(TOY).state == "missing" and "dlama models pull toy" in verify(TOY).detail
     for data, words in (
         (b"to", "cut short: 2 bytes"),
@@ -75,8 +95,29 @@ def test_verify(toy: Path) -> None:
         assert verify(TOY).state == "wrong" and verify(TOY).detail.startswith(words)
     toy.write_bytes(b"toy")
     assert verify(TOY).state == "verified"
-    unknown = verify(dataclasses.replace(TOY, sha256=None, bytes=None))
-    assert unknown.state == "unknown" and unknown.detail == f"sha256 {TOY.sha256}, published nowhere, so not compared"
+    assert not (toy.parent / "pins.json").exists()
+
+
+def test_verify_pins_once(toy: Path) -> None:
+    """A hash that nobody published is written down, then compared; `locate` then knows the size too."""
+    unknown = dataclasses.replace(TOY, sha256=None, bytes=None)
+    toy.write_bytes(b"first")
+    assert [verify(unknown).state, verify(unknown).state] == ["pinned", "verified"]
+    toy.write_bytes(b"other")
+    assert verify(unknown).state == "wrong"
+    assert known_size_and_sha256(unknown)[0] == 5
+
+
+def test_pins_that_cannot_be_written(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An OutputError that names the list."""
+
+    def refuse(draft: Path, target: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    toy.write_bytes(b"first")
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(OutputError, match=r"pins\.json: cannot be written"):
+        verify(dataclasses.replace(TOY, sha256=None, bytes=None))
 
 
 def test_no_home_is_an_error_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:

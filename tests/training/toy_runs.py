@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -97,3 +98,16 @@ class Exploit:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Path.touch, (self.marker,)
+
+
+def keep_statistics(train: Callable[..., Any]) -> Callable[..., Any]:
+    """A module's method `train` with batch norms in eval mode after it: two processes have no other means than one."""
+
+    def train_but_norms(self: Any, mode: bool = True) -> Any:
+        train(self, mode)
+        for part in self.modules():
+            if hasattr(part, "running_mean"):
+                part.eval()
+        return self
+
+    return train_but_norms

@@ -36,6 +36,7 @@ def batch(
     verb: str | None = None,
     workers: int | None = None,
     threads: int | None = None,
+    ordered: bool = False,
     resume: bool = True,
     stop_after_failures: int | None = None,
     pack: int | None = None,
@@ -46,8 +47,8 @@ def batch(
 ) -> Iterator[JobResult]:
     """Run every job of a list and yield its result as it ends; a job that an earlier run did from the same inputs is kept.
 
-    Results lie in OUT/ID/, each whole or not there. OUT/manifest.csv has one row a job at the end, in the list's order. A bad
-    input, or a job that ends its process twice, is one failed row; all others are run.
+    Results lie in OUT/ID/, each whole or not there. OUT/manifest.csv has one row a job at the end. A bad input, or a job that
+    ends its process twice, is one failed row; all others are run.
 
     Args:
         jobs: a CSV, JSONL or Parquet file with `id`, `verb` (view, remove, stereo or depth) and the verb's parameters, named as
@@ -56,6 +57,7 @@ def batch(
         verb: of rows without one.
         workers: processes; default: the cores of this computer, as far as memory allows.
         threads: of each process; default: the cores shared between them.
+        ordered: results come in the order of the list; default: as they end.
         resume: False: every job is run again.
         stop_after_failures: no new job is begun after so many failures of this run.
         pack: results go into tar shards of so many, as webdataset reads them, below OUT/shards.
@@ -78,7 +80,7 @@ def batch(
     check_number(gpus_per_worker, "gpus_per_worker", "a share of a GPU, 0 or more,")
     check_folder_name(out)
     output = Output(str(out) if is_address(str(out)) else str(Path(local_path(str(out))).absolute()))
-    settings = Settings(output, resume, stop_after_failures, pack, progress or (lambda *_: None))
+    settings = Settings(output, ordered, resume, stop_after_failures, pack, progress or (lambda *_: None))
     return run_jobs(source, source.can_be_read_twice, settings, worker_starter(workers, threads, ray, gpus_per_worker))
 
 

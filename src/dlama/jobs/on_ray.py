@@ -84,9 +84,10 @@ class RayWorkers:
                 f"`ray={address}` has no room for a worker: {self.ray.cluster_resources()}; fewer threads or a smaller "
                 "`gpus_per_worker` is expected"
             )
+        self.count = workers or room
         self._workers: list[_Worker] = []
         self._failed_starts = 0
-        for _ in range(workers or room):
+        for _ in range(self.count):
             self._start()
 
     @property

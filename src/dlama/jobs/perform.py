@@ -40,6 +40,8 @@ class Task:
     prefix: str = ""
     """Before the id, below OUT: `staged/` where results are packed."""
     attempt: int = 1
+    number: int = 0
+    """Its place in the list."""
 
 
 def work(task: Task) -> JobResult:

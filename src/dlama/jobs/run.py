@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -21,6 +22,8 @@ from dlama.writing.drafts import remove_abandoned
 
 JobProgress = Callable[[JobResult | None, int, int | None], object]
 """Called with what has just ended (None: at the start), and how many of how many are done; None: it is not known."""
+WINDOW = 8
+"""Jobs a worker that may be begun before the result of the first of them is handed out, where results come in order."""
 AT_ONCE = 64
 """Rows that are looked at before results are handed out."""
 UNWRITTEN = 4
@@ -29,6 +32,8 @@ UNWRITTEN = 4
 
 class Workers(Protocol):
     """What runs tasks: `dlama.workers.pool.Pool`, or the actors of a Ray cluster."""
+
+    count: int
 
     @property
     def free(self) -> int:
@@ -49,6 +54,7 @@ class Settings:
     """How a run goes."""
 
     output: Output
+    ordered: bool = False
     resume: bool = True
     stop_after_failures: int | None = None
     pack: int | None = None
@@ -93,6 +99,8 @@ class _Run:
     total: int | None
     more: bool = True
     """Whether the list may have more jobs."""
+    begun: int = 0
+    """Jobs taken from the list."""
     handed_out: int = 0
     failures: int = 0
     unwritten: int = 0
@@ -100,8 +108,8 @@ class _Run:
     again: deque[Task] = field(default_factory=deque)
     """Tasks whose process died."""
     packer: Packer | None = None
-    ready: deque[JobResult] = field(default_factory=deque)
-    """Results not yet handed out."""
+    ready: list[tuple[int, JobResult]] = field(default_factory=list)
+    """Results not yet handed out, a heap by number where they are expected in order."""
 
     def results(self) -> Iterator[JobResult]:
         """All of them."""
@@ -122,20 +130,24 @@ class _Run:
 
     def is_going(self) -> bool:
         """Whether a job is left, or has not ended."""
-        return self.can_begin() or self.under_way > 0
+        return self.more or bool(self.again) or self.under_way > 0
 
     def can_begin(self) -> bool:
-        """Whether a job is left."""
-        return self.more or bool(self.again)
+        """Whether a free worker may be given a task."""
+        return bool(self.again) or (self.more and not self.is_full())
 
     def hand_in(self) -> None:
         """Give free workers their tasks."""
-        while self.workers.free and self.can_begin() and len(self.ready) < AT_ONCE:
+        while self.workers.free and self.can_begin() and (self.settings.ordered or len(self.ready) < AT_ONCE):
             task = self.again.popleft() if self.again else self.next_task()
             if task is None:
                 break
             self.workers.submit(task)
             self.under_way += 1
+
+    def is_full(self) -> bool:
+        """Whether no job is begun until an earlier one has ended, so that few results wait for it."""
+        return self.settings.ordered and self.begun - self.handed_out >= WINDOW * self.workers.count
 
     def has_failed_enough(self) -> bool:
         """Whether no further job is begun, for so many have failed."""
@@ -150,33 +162,34 @@ class _Run:
                 self.more = False
                 return None
             task = self.begin(job)
-            if task is not None:
+            if task is not None or self.is_full():
                 return task
         return None
 
     def begin(self, job: Job) -> Task | None:
         """The task of a job; None: it was done by an earlier run, or cannot be run."""
+        number, self.begun = self.begun, self.begun + 1
         if self.total is None:
-            self.manifest.plan(job)
+            self.manifest.plan(number, job)
         kept = self.manifest.find_done(job) if self.settings.resume and not job.error else None
         if kept is None and not job.error:
-            return Task(job, self.settings.output, STAGED if self.packer else "")
-        self.add(kept or work(Task(job, self.settings.output)))
+            return Task(job, self.settings.output, STAGED if self.packer else "", number=number)
+        self.add(number, kept or work(Task(job, self.settings.output)))
         return None
 
     def end(self, ended: TaskEnd) -> None:
         """A task has ended, or its process has."""
         task: Task = ended.task
         if ended.died is None:
-            self.add(ended.answer)
+            self.add(task.number, ended.answer)
         elif ended.blameless:
             self.again.append(task)
         elif task.attempt < TRIES:
             self.again.append(replace(task, attempt=task.attempt + 1))
         else:
-            self.add(died_row(task.job, ended.died, task.attempt))
+            self.add(task.number, died_row(task.job, ended.died, task.attempt))
 
-    def add(self, row: JobResult) -> None:
+    def add(self, number: int, row: JobResult) -> None:
         """Enter a result; OutputError where nothing can be written any more."""
         if not row.kept:
             before = self.manifest.find(row.id)
@@ -189,7 +202,7 @@ class _Run:
             self.packer.add(row)
         self.failures += row.status == "failed"
         self.unwritten = self.unwritten + 1 if row.error_kind == "OutputError" else 0
-        self.ready.append(row)
+        heapq.heappush(self.ready, (number, row)) if self.settings.ordered else self.ready.append((number, row))
         if self.unwritten >= UNWRITTEN:
             raise OutputError(
                 f"the last {UNWRITTEN} results could not be written ({row.error}); what is done is kept, and the same command "
@@ -198,8 +211,8 @@ class _Run:
 
     def ready_results(self) -> Iterator[JobResult]:
         """The results that can be handed out now."""
-        while self.ready:
-            row = self.ready.popleft()
+        while self.ready and (not self.settings.ordered or self.ready[0][0] == self.handed_out):
+            _, row = heapq.heappop(self.ready) if self.settings.ordered else self.ready.pop(0)
             self.handed_out += 1
             self.settings.progress(row, self.handed_out, self.total)
             yield row

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from dlama.errors import FileError, system_errors
-from dlama.models.cache import describe_manual_install, target_path
+from dlama.models.cache import describe_manual_install, known_size_and_sha256, pin, target_path
 from dlama.models.records import Record
 from dlama.writing.unchanged import while_unchanged
 
@@ -21,33 +21,41 @@ class Verdict:
 
     path: Path
     """Where the file lies, or would."""
-    state: Literal["missing", "wrong", "verified", "unknown"]
-    """unknown: its hash is published nowhere."""
+    state: Literal["missing", "wrong", "verified", "pinned"]
+    """pinned: its hash is published nowhere, so it was written down now and is compared from now on."""
     detail: str
     """What came and what was expected, in words."""
 
 
 @system_errors(FileError)
 def verify(model: Record) -> Verdict:
-    """Compare size and sha256 with the record's. FileError: the file cannot be read."""
+    """Compare size and sha256 with the record's, or with those pinned on first use; the first use pins.
+
+    Raises:
+        FileError: the file cannot be read.
+        OutputError: the hash cannot be written down.
+    """
     path = target_path(model)
     again = f"`dlama models pull {model.name}`. {describe_manual_install(model)}"
     if not path.is_file():
         return Verdict(path, "missing", f"not there; {again}")
     size, digest = size_and_sha256(path)
-    if complaint := mismatch(model, size, digest):
+    known_size, known_digest = known_size_and_sha256(model)
+    complaint = mismatch(size, digest, known_size, known_digest)
+    if complaint:
         return Verdict(path, "wrong", f"{complaint}; remove it and {again}")
-    if model.sha256 is None:
-        return Verdict(path, "unknown", f"sha256 {digest}, published nowhere, so not compared")
-    return Verdict(path, "verified", f"sha256 {digest}")
+    if known_digest is not None:
+        return Verdict(path, "verified", f"sha256 {digest}")
+    pin(model, digest, size)
+    return Verdict(path, "pinned", f"sha256 {digest}, published nowhere: pinned now, compared from now on")
 
 
-def mismatch(model: Record, size: int, digest: str) -> str | None:
-    """What is wrong with a model's file of that size (bytes) and sha256; None where nothing is."""
-    if model.bytes is not None and size != model.bytes:
-        return f"{'cut short' if size < model.bytes else 'too long'}: {size} bytes, expected {model.bytes}"
-    if model.sha256 is not None and digest != model.sha256:
-        return f"corrupted or replaced: sha256 is {digest}, expected {model.sha256}"
+def mismatch(size: int, digest: str, known_size: int | None, known_digest: str | None) -> str | None:
+    """What is wrong with a file of that size (bytes) and sha256; None where nothing is."""
+    if known_size is not None and size != known_size:
+        return f"{'cut short' if size < known_size else 'too long'}: {size} bytes, expected {known_size}"
+    if known_digest is not None and digest != known_digest:
+        return f"corrupted or replaced: sha256 is {digest}, expected {known_digest}"
     return None
 
 

@@ -182,14 +182,18 @@ class DataSettings:
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """Length, batch size, and how often what is written."""
+    """Length, batch size, devices, and how often what is written."""
 
     steps: int = 100_000
     """Number of optimiser steps."""
     batch: int = 16
-    """Samples of a batch."""
+    """Samples of a batch on each device."""
     precision: Literal["bf16", "fp32"] = "fp32"
     """bf16: matrix products in bfloat16; FFT, losses and weights stay float32."""
+    devices: int = 1
+    """GPUs (or processes, on a CPU) per node."""
+    nodes: int = 1
+    """Computers."""
     accelerator: Literal["auto", "cpu", "gpu"] = "auto"
     """auto: a GPU where there is one."""
     compiled: bool = False

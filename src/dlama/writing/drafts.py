@@ -7,6 +7,7 @@ process ends, however it ends. A draft is abandoned if nobody holds it and its p
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import re
 import shutil
@@ -20,8 +21,8 @@ try:
 except ImportError:  # Windows: age alone decides
     fcntl = None  # type: ignore[assignment]
 
-DRAFT, PLACING = ".dlama-draft-", ".dlama-placing-"
-"""Prefixes: being written; whole, and being moved to its place."""
+DRAFT, OLD, PLACING = ".dlama-draft-", ".dlama-old-", ".dlama-placing-"
+"""Prefixes: being written; an earlier folder that a new one has just replaced; whole, and being moved to its place."""
 STALE_SECONDS = 3600.0
 """Age at which a draft that nobody holds is abandoned, where its process cannot be asked after (another computer's, Windows)."""
 LONGEST = 120
@@ -36,8 +37,14 @@ _swept: set[str] = set()
 
 def name_of(prefix: str, name: str) -> str:
     """A new hidden name for `name`, with its suffix."""
-    kept = name if len(os.fsencode(name)) <= LONGEST else f"long{Path(name).suffix[-20:]}"
-    return f"{prefix}{os.getpid()}@{HOST}-{os.urandom(4).hex()}-{kept}"
+    return f"{prefix}{os.getpid()}@{HOST}-{os.urandom(4).hex()}-{_short_name(name)}"
+
+
+def _short_name(name: str) -> str:
+    if len(os.fsencode(name)) <= LONGEST:
+        return name
+    suffix = Path(name).suffix
+    return hashlib.sha256(os.fsencode(name)).hexdigest()[:16] + (suffix if len(os.fsencode(suffix)) <= 20 else "")
 
 
 @contextlib.contextmanager
@@ -58,17 +65,23 @@ def lock(path: Path) -> Iterator[bool]:
     system, or Windows, has no locks."""
     handle, free = None, True
     if fcntl is not None:
-        try:
+        with contextlib.suppress(OSError):
             writes = path.is_file() and os.access(path, os.W_OK)  # NFS locks no file that is open to be read
             handle = os.open(path, os.O_RDWR if writes else os.O_RDONLY)
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            free = not isinstance(error, BlockingIOError)
+            free = _is_free(handle)
     try:
         yield free
     finally:
         if handle is not None:
             os.close(handle)
+
+
+def _is_free(handle: int) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def in_a_draft(path: Path) -> bool:
@@ -85,14 +98,15 @@ def remove_abandoned(folder: Path, *, again: bool = False) -> None:
         remove(path)
 
 
-def find_abandoned(folder: Path, prefix: str) -> list[Path]:
-    """What ended processes left in `folder` under that prefix, sorted. Raises nothing."""
+def find_abandoned(folder: Path, prefix: str, name: str | None = None) -> list[Path]:
+    """What ended processes left in `folder` under that prefix, sorted; `name`: only of that file or folder. Raises nothing."""
     try:
         with os.scandir(folder) as entries:
             names = sorted(entry.name for entry in entries if entry.name.startswith(prefix))
     except OSError:
         return []
-    return [folder / each for each in names if is_abandoned(folder / each, prefix)]
+    end = "" if name is None else f"-{_short_name(name)}"
+    return [folder / each for each in names if each.endswith(end) and is_abandoned(folder / each, prefix)]
 
 
 def is_abandoned(path: Path, prefix: str) -> bool:
@@ -121,14 +135,13 @@ def _is_running(pid: int) -> bool:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
-    except (OSError, OverflowError):  # another user's
+    except (OSError, OverflowError):
         return True
     return not _is_zombie(pid)
 
 
 def _is_zombie(pid: int) -> bool:
-    """Whether a process has ended and its parent has not asked for its exit code, which in containers nobody does of a
-    process whose parent was killed; False without /proc."""
+    """Whether a process has ended and its parent has not asked for its exit code yet; False without /proc."""
     try:
         return Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")[2].split()[:1] == ["Z"]
     except OSError:

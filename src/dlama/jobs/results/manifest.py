@@ -54,8 +54,8 @@ class Manifest:
         self._lock = contextlib.ExitStack()
         self._folder = Path(self._temporary.name, FOLDER) if output.is_remote else Path(output.of(FOLDER))
         try:
-            for job in jobs:
-                self.plan(job)
+            for number, job in enumerate(jobs):
+                self.plan(number, job)
             if not read_only:
                 self._open()
             self._read_shards()
@@ -69,14 +69,14 @@ class Manifest:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def plan(self, job: Job) -> None:
+    def plan(self, number: int, job: Job) -> None:
         """Enter a job of the list. InputError: another has its id, or an id that is a folder above or below it."""
         name, where = job.id, job.where
         try:
-            self._index.execute("insert into jobs (id) values (?)", (name,))
+            self._index.execute("insert into jobs values (?, ?)", (number, name))
         except sqlite3.IntegrityError:
             (first,) = self._index.execute("select number from jobs where id = ?", (name,)).fetchone()
-            raise InputError(f"{where}: id {name!r} is that of job {first} already; ids must differ") from None
+            raise InputError(f"{where}: id {name!r} is that of job {first + 1} already; ids must differ") from None
         planned = "select 1 from jobs where id = ?"
         above = [one for one in folders_above(name) if self._index.execute(planned, (one,)).fetchone()]
         below = self._index.execute("select id from jobs where id > ? and id < ? limit 1", (f"{name}/", f"{name}0"))

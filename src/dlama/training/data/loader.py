@@ -51,17 +51,17 @@ class NumberedSamples(Dataset[dict[str, np.ndarray]]):
 
 
 class BatchNumbers(Sampler[list[int]]):
-    """Sample numbers of the batches of so many steps, from sample `start` on."""
+    """Sample numbers of one process's batches, from sample `start` on; `rank` of `world` takes its part of every global batch."""
 
-    def __init__(self, start: int, steps: int, batch: int) -> None:
-        self.start, self.steps, self.batch = start, steps, batch
+    def __init__(self, start: int, steps: int, batch: int, rank: int = 0, world: int = 1) -> None:
+        self.start, self.steps, self.batch, self.rank, self.world = start, steps, batch, rank, world
 
     def __len__(self) -> int:
         return self.steps
 
     def __iter__(self) -> Iterator[list[int]]:
         for step in range(self.steps):
-            first = self.start + step * self.batch
+            first = self.start + (step * self.world + self.rank) * self.batch
             yield list(range(first, first + self.batch))
 
 
@@ -93,8 +93,10 @@ def held_out_batch(source: SampleSource, settings: TrainSettings) -> Batch:
 
 
 def worker_count(settings: TrainSettings) -> int:
-    """Number of processes that make samples."""
-    return max(1, processor_count() - 1) if settings.data.workers is None else settings.data.workers
+    """Number of processes that make samples, for each process that trains."""
+    if settings.data.workers is not None:
+        return settings.data.workers
+    return max(1, processor_count() // settings.loop.devices - 1)
 
 
 @functools.lru_cache(maxsize=2)

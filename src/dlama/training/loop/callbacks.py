@@ -6,13 +6,14 @@ import logging
 import signal
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytorch_lightning as pl
 import torch
 
-from dlama.errors import OutputError
+from dlama.errors import DlamaError, OutputError
 from dlama.training.data.batches import Batch
 from dlama.training.loop.checkpointing import checkpoint_of, random_state, set_random_state, write_checkpoint
 from dlama.training.loop.module import TrainingModule, rate_factor
@@ -26,8 +27,8 @@ LOG = logging.getLogger("dlama")
 ALL_STEPS, TIME_IS_UP = "all steps done", "time is up"
 """Why a run ended; else it is the name of a signal."""
 SPEED = ("learning_rate", "samples_per_second", "waiting", "memory_gb")
-"""Columns of metrics.csv: the generator's learning rate; samples per second and share of time spent waiting for samples, both
-since the row before; peak memory of the GPU (of the process, on a CPU)."""
+"""Columns of metrics.csv: the generator's learning rate; samples of all devices per second and share of time spent waiting for
+samples, both since the row before; peak memory of the first device (of the process, on a CPU)."""
 
 
 class Stopwatch:
@@ -65,7 +66,7 @@ class Stopwatch:
 
 
 class StopRequest:
-    """Why to stop: SIGTERM, SIGINT (Ctrl-C) or a deadline.
+    """Why to stop: SIGTERM, SIGINT (Ctrl-C) or a deadline, the same in all processes.
 
     deadline: on the clock of time.monotonic.
     """
@@ -88,13 +89,16 @@ class StopRequest:
             signal.signal(number, handler)
         self._old_handlers = {}
 
-    def is_requested(self) -> bool:
-        """Whether the process was asked to stop."""
-        if self._signal:
-            self.reason = signal.Signals(self._signal).name
-        elif time.monotonic() >= self.deadline:
-            self.reason = TIME_IS_UP
-        return self.reason != ALL_STEPS
+    def is_requested(self, trainer: pl.Trainer) -> bool:
+        """Whether any process was asked to stop."""
+        reasons = [self._signal, int(time.monotonic() >= self.deadline)]
+        if trainer.world_size > 1:
+            shared = torch.tensor(reasons, dtype=torch.int32, device=trainer.strategy.root_device)
+            torch.distributed.all_reduce(shared, torch.distributed.ReduceOp.MAX)
+            reasons = [int(each) for each in shared]
+        if any(reasons):
+            self.reason = signal.Signals(reasons[0]).name if reasons[0] else TIME_IS_UP
+        return any(reasons)
 
     def _handle(self, number: int, frame: Any) -> None:
         self._signal = number
@@ -107,8 +111,8 @@ class RunCallback(pl.Callback):
     Args:
         run: the run's directory.
         deadline: when to stop, on the clock of `time.monotonic`.
-        held_out: the samples of validation.
-        random_state: that which a resumed run begins with; None in a new run.
+        held_out: the samples of validation; None in all processes but the first.
+        random_states: those that a resumed run begins with, by rank; None in a new run.
         seconds: trained before.
     """
 
@@ -117,12 +121,13 @@ class RunCallback(pl.Callback):
         settings: TrainSettings,
         run: Path,
         deadline: float,
-        held_out: Batch,
-        random_state: dict[str, Any] | None,
+        held_out: Batch | None,
+        random_states: list[dict[str, Any]] | None,
         seconds: float,
     ) -> None:
-        self.settings, self.run, self.held_out, self.random_state = settings, run, held_out, random_state
+        self.settings, self.run, self.held_out, self.random_states = settings, run, held_out, random_states
         self.stopwatch, self.stop = Stopwatch(seconds), StopRequest(deadline)
+        self.table: MetricsTable | None = None
         self.device = torch.device("cpu")
         self._checkpoint_step = self._row_step = -1
 
@@ -130,17 +135,23 @@ class RunCallback(pl.Callback):
         """Begin the table, and listen for signals."""
         assert isinstance(module, TrainingModule)
         self.device = module.device
-        LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
-        self.table = MetricsTable(self.run, columns(self.settings), module.step)
+
+        def begin() -> None:
+            LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
+            self.table = MetricsTable(self.run, columns(self.settings), module.step)
+
+        failed = run_in_first(trainer, begin)
+        if failed is not None:
+            raise OutputError(failed)
         self.stop.listen()
         self.stopwatch.start(module.samples)
 
     def on_train_batch_start(self, trainer: pl.Trainer, module: pl.LightningModule, batch: Any, batch_idx: int) -> None:
         """The first batch of a resumed run gets the random numbers that it would have had."""
         self.stopwatch.end_wait()
-        if self.random_state is not None:
-            set_random_state(self.random_state)
-            self.random_state = None
+        if self.random_states is not None:
+            set_random_state(self.random_states[trainer.global_rank])
+            self.random_states = None
 
     def on_train_batch_end(
         self, trainer: pl.Trainer, module: pl.LightningModule, outputs: Any, batch: Any, batch_idx: int
@@ -155,8 +166,8 @@ class RunCallback(pl.Callback):
         if scores or step % loop.log_every == 0:
             self._write_row(module, scores)
         if step % loop.checkpoint_every == 0:
-            self._write_checkpoint(module, required=False)
-        if self.stop.is_requested():
+            self._write_checkpoint(trainer, module, required=False)
+        if self.stop.is_requested(trainer):
             trainer.should_stop = True
         set_random_state(kept)  # what is written must not change the steps after it
         self.stopwatch.begin_wait()
@@ -170,7 +181,7 @@ class RunCallback(pl.Callback):
             if module.step % self.settings.loop.sheet_every:
                 self._write_sheet(module)
         if self._checkpoint_step != module.step:
-            self._write_checkpoint(module, required=True)
+            self._write_checkpoint(trainer, module, required=True)
         self.stop.stop_listening()
 
     def on_exception(self, trainer: pl.Trainer, module: pl.LightningModule, exception: BaseException) -> None:
@@ -178,9 +189,11 @@ class RunCallback(pl.Callback):
         self.stop.stop_listening()
 
     def _validate(self, module: TrainingModule) -> dict[str, float]:
-        return scores_of(module.average, self.held_out, self.settings, module.device)
+        return {} if self.held_out is None else scores_of(module.average, self.held_out, self.settings, module.device)
 
     def _write_sheet(self, module: TrainingModule) -> None:
+        if self.held_out is None:
+            return
         output = outputs_of(module.average, self.held_out, self.settings, module.device)
         path = self.run / SHEETS / f"step-{module.step:07d}.png"
         try:
@@ -189,6 +202,8 @@ class RunCallback(pl.Callback):
             LOG.warning("step %d: %s; the run continues", module.step, error)
 
     def _write_row(self, module: TrainingModule, scores: dict[str, float]) -> None:
+        if self.table is None:
+            return
         rate, waiting = self.stopwatch.row(module.samples)
         self._row_step = module.step
         speed = (
@@ -208,16 +223,34 @@ class RunCallback(pl.Callback):
         shown = " ".join(f"{name} {value:.4f}" for name, value in (scores or terms).items())
         LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, seconds, rate, shown)
 
-    def _write_checkpoint(self, module: TrainingModule, required: bool) -> None:
-        """OutputError where it fails and is `required`; else that is logged."""
+    def _write_checkpoint(self, trainer: pl.Trainer, module: TrainingModule, required: bool) -> None:
+        """All processes send their random numbers, the first one writes. OutputError in all, and only if `required`."""
+        states: list[Any] = [random_state()]
+        if trainer.world_size > 1:
+            states = [None] * trainer.world_size
+            torch.distributed.all_gather_object(states, random_state())
+        path, seconds = self.run / LAST, self.stopwatch.seconds
+        failed = run_in_first(trainer, lambda: write_checkpoint(path, checkpoint_of(module, seconds, states)))
+        if failed is not None and required:
+            raise OutputError(failed)
+        module.guard.keep(module)  # in all processes, written or not: what they return to must be the same
+        if failed is not None:
+            LOG.warning("step %d: %s; the run continues", module.step, failed)
+            return
+        self._checkpoint_step = module.step
+
+
+def run_in_first(trainer: pl.Trainer, write: Callable[[], object]) -> str | None:
+    """Write in the first process; what went wrong there, in all processes: they continue, or end, together. None: nothing."""
+    failed: list[str | None] = [None]
+    if trainer.is_global_zero:
         try:
-            write_checkpoint(self.run / LAST, checkpoint_of(module, self.stopwatch.seconds))
-            self._checkpoint_step = module.step
-        except OutputError as error:
-            if required:
-                raise
-            LOG.warning("step %d: %s; the run continues", module.step, error)
-        module.guard.keep(module)
+            write()
+        except (OSError, DlamaError) as error:
+            failed = [str(error)]
+    if trainer.world_size > 1:
+        torch.distributed.broadcast_object_list(failed, src=0)
+    return failed[0]
 
 
 def columns(settings: TrainSettings) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import torch
 
-from dlama.errors import FileError, OutputError, any_error, first_line
+from dlama.errors import FileError, InputError, OutputError, any_error, first_line
 from dlama.training.loop.module import TrainingModule
 from dlama.training.loop.run_files import LAST
 from dlama.training.presets import to_json
@@ -21,12 +21,13 @@ from dlama.writing.atomic_write import new_file
 VERSION = 1
 
 
-def checkpoint_of(module: TrainingModule, seconds: float) -> dict[str, Any]:
+def checkpoint_of(module: TrainingModule, seconds: float, random_states: list[dict[str, Any]]) -> dict[str, Any]:
     """Everything that a run is resumed from.
 
     Args:
         module: after a whole step.
         seconds: trained so far, over all parts of the run.
+        random_states: of every process, by rank (`random_state`).
     """
     named = {
         f"{name}.{key}": value
@@ -42,7 +43,7 @@ def checkpoint_of(module: TrainingModule, seconds: float) -> dict[str, Any]:
         "seconds": seconds,
         "state_dict": named,
         "optimizer_states": [optimiser.state_dict() for optimiser in module.raw_optimisers],
-        "random_states": [random_state()],
+        "random_states": random_states,
     }
 
 
@@ -73,10 +74,15 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     return found
 
 
-def restore(module: TrainingModule, checkpoint: dict[str, Any]) -> dict[str, Any]:
-    """Put a checkpoint into a new module: networks and counters now, optimisers once they are made; the state of random numbers
-    is returned. FileError: the checkpoint is of another network, or a part of it is missing."""
+def restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int) -> None:
+    """Put a checkpoint into a new module: networks and counters now, optimisers once they are made; random numbers are not set.
+
+    Raises:
+        InputError: the run had another number of processes, so its samples would not be the same ones.
+        FileError: the checkpoint is of another network, or a part of it is missing.
+    """
     with any_error(FileError, f"{LAST}: does not fit the run's settings, or is damaged"):
+        before = len(checkpoint["random_states"])
         for name, network in module.networks.items():
             prefix = f"{name}."
             state = {k.removeprefix(prefix): v for k, v in checkpoint["state_dict"].items() if k.startswith(prefix)}
@@ -84,8 +90,10 @@ def restore(module: TrainingModule, checkpoint: dict[str, Any]) -> dict[str, Any
         module.step, module.samples = checkpoint["step"], checkpoint["samples"]
         module.restored = checkpoint["restored"]
         module.saved_optimisers = checkpoint["optimizer_states"]
-        (numbers,) = checkpoint["random_states"]
-    return numbers
+    if before != processes:
+        raise InputError(
+            f"the run has {before} processes (`loop.devices` times loop.nodes), not {processes}; keep them to resume"
+        )
 
 
 def random_state() -> dict[str, Any]:

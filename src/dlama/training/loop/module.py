@@ -31,7 +31,7 @@ MOST_RESTORED = 20
 class TrainingModule(pl.LightningModule):
     """The generator, its moving average, the discriminator, the losses, and the guard against gradients that are not finite.
 
-    Counts steps (`step`) and samples (`samples`) by itself; `latest` has the terms of the last step.
+    Counts steps (`step`) and samples of all processes (`samples`) by itself; `latest` has the terms of the last step.
     """
 
     def __init__(self, settings: TrainSettings) -> None:
@@ -124,7 +124,7 @@ class TrainingModule(pl.LightningModule):
         return terms
 
     def _descend(self, optimiser: torch.optim.Optimizer, network: nn.Module, terms: Terms) -> Tensor:
-        """Compute the gradients of the sum of terms and clip them; their norm before clipping."""
+        """Compute the gradients of the sum of terms and clip them; their norm before clipping, the same on all devices."""
         optimiser.zero_grad(set_to_none=True)
         self.manual_backward(torch.stack([widen_half(term) for term in terms.values()]).sum())
         return nn.utils.clip_grad_norm_(network.parameters(), self.settings.optimiser.clip or math.inf)
@@ -149,7 +149,7 @@ class TrainingModule(pl.LightningModule):
     def _count(self, batch: Batch, good: bool) -> None:
         """Count the step; where it was not good, restore the state that the guard kept last."""
         self.step += 1
-        self.samples += len(batch["input"])
+        self.samples += len(batch["input"]) * self.trainer.world_size
         self.bad_in_a_row = 0 if good else self.bad_in_a_row + 1
         if not good:
             self.guard.restore(self)

@@ -1,6 +1,6 @@
 """A run directory: settings.json, data.json, metrics.csv, log.txt, sheets/, last.ckpt, and at the end the network.
 
-Rows and lines in -> files out.
+Rows and lines in -> files out. Only the first process of a run writes.
 """
 
 from __future__ import annotations

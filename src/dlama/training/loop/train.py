@@ -8,16 +8,19 @@ import multiprocessing
 import time
 import warnings
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytorch_lightning as pl
 import torch
+from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
 from dlama import __version__
 from dlama.errors import InputError, OutputError, system_errors
-from dlama.training.data.batches import check_sample
+from dlama.models.network_file import processor_count
+from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
 from dlama.training.data.sources import SampleSource, source_for
 from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
@@ -43,6 +46,7 @@ EXPECTED_WARNINGS = (
     ".*does not have many workers.*",
     ".*module\\(s\\) in eval mode.*",
     ".*GPU available but not used.*",
+    ".*find_unused_parameters=True was specified.*",
     ".*`isinstance\\(treespec, LeafSpec\\)` is deprecated.*",
 )
 """Warnings of Lightning and torch that are no news: the number of workers, for one, is a setting."""
@@ -60,6 +64,8 @@ class TrainingResult:
     """`all steps done`, `time is up`, `SIGTERM` or `SIGINT`."""
     network: Path | None
     """The ONNX file; None after a signal, which leaves time for a checkpoint only."""
+    first: bool = True
+    """Whether this is the first process of the run; the others write nothing."""
 
 
 @system_errors(OutputError)
@@ -86,27 +92,50 @@ def train(
     """
     began = time.monotonic()
     _refuse_worker()
-    if settings.loop.accelerator == "gpu" and not torch.cuda.is_available():
-        raise InputError("`loop.accelerator` is 'gpu'; this computer has none, so 'auto' or 'cpu' is expected")
-    prepare(run, settings, resume)
+    first = getattr(rank_zero_only, "rank", 0) == 0
+    if first:
+        check_devices(settings)
+        prepare(run, settings, resume)
     deadline = math.inf if max_minutes is None else began + 60 * max_minutes
-    with lock_run(run), log_to_file(run):
+    with ExitStack() as stack:
+        if first:
+            stack.enter_context(lock_run(run))
+            stack.enter_context(log_to_file(run))
         if resume and not data:
             data = read_data(run)
         source = source_for(settings, data, "train")
         check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
-        validation = held_out_batch(source_for(settings, data, "held_out"), settings)
-        module = TrainingModule(settings)
+        validation = held_out_batch(source_for(settings, data, "held_out"), settings) if first else None
+        return _train(settings, run, source, validation, deadline, resume, data)
+
+
+def _train(
+    settings: TrainSettings,
+    run: Path,
+    source: SampleSource,
+    validation: Batch | None,
+    deadline: float,
+    resume: bool,
+    data: Sequence[Path],
+) -> TrainingResult:
+    """As `train`, in a directory that is there; `deadline` on the clock of `time.monotonic`.
+
+    validation: the held-out samples; None in all processes but the first. data: folders that the samples are made of.
+    """
+    module, processes = TrainingModule(settings), settings.loop.devices * settings.loop.nodes
+    if validation is not None:
         # only now: what was refused above leaves no settings, by which a run would be known
         write_data(run, data)
         write_settings(run, settings)
-        checkpoint = _checkpoint(run) if resume else {}
-        random_state = restore(module, checkpoint) if checkpoint else None
-        callback = RunCallback(settings, run, deadline, validation, random_state, checkpoint.get("seconds", 0.0))
-        _fit(module, callback, source, settings)
-        whole = callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
-        network = _finish(module, callback, settings, data) if whole else None
-        return TrainingResult(run, module.step, callback.stop.reason, network)
+    checkpoint = _checkpoint(run) if resume else {}
+    if checkpoint:
+        restore(module, checkpoint, processes)
+    before = checkpoint.get("seconds", 0.0)
+    callback = RunCallback(settings, run, deadline, validation, checkpoint.get("random_states"), before)
+    _fit(module, callback, source, settings)
+    whole = validation is not None and callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
+    network = _finish(module, callback, settings, data) if whole else None
+    return TrainingResult(run, module.step, callback.stop.reason, network, first=validation is not None)
 
 
 def _checkpoint(run: Path) -> dict[str, Any]:
@@ -115,6 +144,17 @@ def _checkpoint(run: Path) -> dict[str, Any]:
         return read_checkpoint(run / LAST)
     LOG.info("the run was ended before its first checkpoint, so it begins anew")
     return {}
+
+
+def check_devices(settings: TrainSettings) -> None:
+    """Raise InputError for more GPUs or, on a CPU, more processes than this computer has."""
+    loop, gpus = settings.loop, torch.cuda.device_count() if torch.cuda.is_available() else 0
+    on_gpu = loop.accelerator == "gpu" or (loop.accelerator == "auto" and gpus > 0)
+    there, what = (gpus, "GPUs") if on_gpu else (processor_count(), "processor cores")
+    if loop.devices > there:
+        raise InputError(
+            f"`loop.devices` is {loop.devices}; this computer has {there} {what}, so at most {there} is expected"
+        )
 
 
 def _refuse_worker() -> None:
@@ -126,11 +166,15 @@ def _refuse_worker() -> None:
 
 
 def trainer_of(settings: TrainSettings, callback: RunCallback) -> pl.Trainer:
-    """Lightning's trainer for a device and a precision; checkpoints, logs and validation are the callback's."""
+    """Lightning's trainer for devices, processes and precision; checkpoints, logs and validation are the callback's."""
     loop = settings.loop
+    several = loop.devices * loop.nodes > 1
     return pl.Trainer(
         accelerator=loop.accelerator,
-        devices=1,
+        devices=loop.devices,
+        num_nodes=loop.nodes,
+        strategy="ddp_find_unused_parameters_true" if several else "auto",
+        sync_batchnorm=several and loop.accelerator != "cpu" and torch.cuda.is_available(),
         deterministic="warn" if loop.exact else None,
         benchmark=not loop.exact and torch.cuda.is_available(),
         precision="bf16-mixed" if loop.precision == "bf16" else "32-true",
@@ -140,6 +184,7 @@ def trainer_of(settings: TrainSettings, callback: RunCallback) -> pl.Trainer:
         enable_checkpointing=False,
         enable_progress_bar=False,
         enable_model_summary=False,
+        use_distributed_sampler=False,
         num_sanity_val_steps=0,
     )
 
@@ -157,13 +202,14 @@ def _fit(module: TrainingModule, callback: RunCallback, source: SampleSource, se
         if torch.cuda.is_available():
             torch.set_float32_matmul_precision("highest" if settings.loop.exact else "high")
         trainer = trainer_of(settings, callback)
-        numbers = BatchNumbers(module.samples, left, settings.loop.batch)
+        numbers = BatchNumbers(module.samples, left, settings.loop.batch, trainer.global_rank, trainer.world_size)
         trainer.fit(module, batch_loader(source, settings, numbers))
 
 
 def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettings, data: Sequence[Path]) -> Path:
     """Export the network, and write its model card; the ONNX file."""
     network = export(module.average, callback.run, settings.name, settings.licence)[1]
+    assert callback.held_out is not None
     device = callback.device
     average = module.average.to(device)  # Lightning has put everything back on the CPU
     scores = scores_of(average, callback.held_out, settings, device)

@@ -13,9 +13,9 @@ from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.errors import FileError, OutputError
-from dlama.models.cache import directory, target_path
+from dlama.models.cache import directory, known_size_and_sha256, target_path
 from dlama.models.records import CATALOGUE, Record, record
-from dlama.models.verify import sha256_of, verify
+from dlama.models.verify import size_and_sha256, verify
 
 Name = Positional[Annotated[str, option("NAME", None)]]
 
@@ -75,7 +75,8 @@ class Info(Report):
             "name": entry.name,
             "what": entry.what,
             "from": "\n          ".join(entry.urls),
-            "sha256": entry.sha256 or "unknown",
+            "sha256": entry.sha256 or "unknown, pinned on first use",
+            "pinned": known_size_and_sha256(entry)[1] if entry.sha256 is None or entry.member else None,
             "bytes": "unknown" if entry.bytes is None else str(entry.bytes),
             "licence": entry.licence,
             "contract": entry.contract,
@@ -121,7 +122,7 @@ class Convert(Report):
             raise OutputError(f"`output` is {self.output}; a name that ends in .onnx is expected")
         check_file_apart(self.output, {"weights": self.weights}, makes_folder=True)
         source = source_of(self.weights)
-        licence = self.licence or licence_of(sha256_of(source))
+        licence = self.licence or licence_of(*size_and_sha256(source))
         with report_result("models convert", self) as result:
             notes = convert(source, self.output, licence)
             if licence == UNKNOWN:
@@ -131,7 +132,7 @@ class Convert(Report):
 
 @dataclass(frozen=True, kw_only=True)
 class Verify(Report):
-    """Compare files with their published hashes."""
+    """Compare files with their published hashes, or with what they were when they were first used."""
 
     name: Positional[Annotated[str | None, option("[NAME]", "every file that is here")]] = None
     """Which model."""

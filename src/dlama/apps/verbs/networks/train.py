@@ -38,9 +38,11 @@ class Replaced:
     steps: Number = None
     """Batches until the end."""
     batch: Number = None
-    """Samples of a batch."""
+    """Samples of a batch, on each device."""
     precision: Annotated[Literal["bf16", "fp32"] | None, option("bf16|fp32", "the settings'")] = None
     """bf16 is faster on GPUs, and on CPUs that have it (lscpu says avx512_bf16 or amx_bf16)."""
+    devices: Number = None
+    """GPUs, or processes on a CPU."""
 
 
 def train(
@@ -82,9 +84,10 @@ def train(
     logged = nullcontext() if report.quiet else log_messages(print_note, without=KERNELS)
     with report_result("train", report) as result, logged:
         done = loop.train(chosen, output, data=data, max_minutes=max_minutes, resume=resume)
-        network = None if done.network is None else str(done.network)
-        line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume continues'}"
-        result.add(line, output=str(done.run), step=done.step, ended=done.ended, network=network)
+        if done.first:
+            network = None if done.network is None else str(done.network)
+            line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume continues'}"
+            result.add(line, output=str(done.run), step=done.step, ended=done.ended, network=network)
 
 
 def print_note(message: str) -> None:
