@@ -82,6 +82,7 @@ def read_camera_fields(path: PathLike) -> FileFields:
     if "dlama" in fields:  # a meta.json: the camera of image.png, or of estimated depth
         cameras = fields.entries("cameras", "cameras") if "cameras" in fields else [fields.values.get("camera")]
         fields = fields.part("camera", cameras[-1])
+    intrinsics_in(fields)  # what is missing is an error, before a field that is misspelt is warned of
     fields.warn_of_unknown(CAMERA_FIELDS)
     return fields
 
