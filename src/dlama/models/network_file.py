@@ -10,7 +10,8 @@ import contextlib
 import ctypes
 import functools
 import os
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +20,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from dlama.arguments import check_word
+from dlama.arguments import check_count, check_word
 from dlama.errors import DlamaError, FileError, InputError, first_line, import_extra, system_errors
 from dlama.models.verify import sha256_of
 
@@ -31,12 +32,16 @@ PROVIDERS = {
     "openvino": "OpenVINOExecutionProvider",
 }
 """ONNX Runtime's, in the order of preference; what comes after cpu only where it is asked for."""
+PROVIDER_VARIABLE = "DLAMA_PROVIDER"
+"""Environment variable that names the provider where the code does not."""
 ASSETS = Path(__file__).parents[1] / "assets"
 """Folder of the networks that ship in the package."""
 N = TypeVar("N", bound="NetworkFile")
 
 LARGE = 3_000_000
 """Pixels of a picture that is filled from which on networks give back the memory that they keep between runs."""
+M_MMAP_THRESHOLD, MAPPED = -3, 2**23
+"""glibc's option of the bytes from which an array has pages of its own; left alone it grows to four times as many."""
 
 
 def cores() -> int:
@@ -51,13 +56,13 @@ def processor_count() -> int:
 
 
 def default_provider() -> str | None:
-    """What the environment variable DLAMA_PROVIDER names; None: the first of ONNX Runtime's that is installed."""
-    return os.environ.get("DLAMA_PROVIDER") or None
+    """What DLAMA_PROVIDER names; None: the first of ONNX Runtime's that is installed."""
+    return os.environ.get(PROVIDER_VARIABLE) or None
 
 
 @dataclass(frozen=True, eq=False)
 class NetworkFile:
-    """One network file, ready to run. An unknown provider is refused at once, the rest when it opens."""
+    """One network file, ready to run. A missing file or an unknown provider is refused at once, the rest when it opens."""
 
     path: Path
     provider: str | None = field(default_factory=default_provider)
@@ -66,9 +71,13 @@ class NetworkFile:
     memory_pattern: bool = True
     """Whether ONNX Runtime plans the memory of a whole run at once: faster (LaMa 20 %, MI-GAN 10 %), and more memory."""
 
+    @system_errors(FileError)
     def __post_init__(self) -> None:
+        if not self.path.is_file():
+            raise FileError(f"{self.path}: no such model file")
         if self.provider is not None:
             check_word(self.provider, "provider", PROVIDERS)
+        check_count(self.threads, "threads")
 
     @cached_property
     def session(self) -> Any:
@@ -182,16 +191,36 @@ def shipped_network(path: Path, memory_pattern: bool = True) -> NetworkFile:
 
 
 def open_kept(kind: type[N], path: Path, **settings: Any) -> N:
-    """The network of a file, as `kind` with these fields: one of the four used last, or anew where the file, the provider or the
-    number of cores has changed."""
-    of: Any = kind  # to mypy no class is hashable
-    opened: N = _open(of, path, file_stamp(path), default_provider(), cores(), **settings)
+    """The network of a file, as `kind` with these fields: one of those used last (`OpenNetworks`), or anew where the file, the
+    provider or the number of cores has changed."""
+    stamp, provider, threads = file_stamp(path), default_provider(), cores()
+    key = kind, path, stamp, provider, threads, *settings.items()
+    opened: N = _KEPT.get(key, stamp[1], lambda: kind(path, provider, threads, **settings))
     return opened
 
 
-@functools.lru_cache(maxsize=4)
-def _open(kind: Any, path: Path, stamp: tuple[int, int], provider: str | None, threads: int, **settings: Any) -> Any:
-    return kind(path, provider, threads, **settings)
+class OpenNetworks:
+    """The networks used last, kept open: at most so many, and at most so many bytes of files; the last one always."""
+
+    def __init__(self, most: int = 4, most_bytes: float = 1e9) -> None:
+        self.most, self.most_bytes = most, most_bytes
+        self._kept: dict[Hashable, tuple[Any, int]] = {}
+        self._lock = threading.Lock()
+
+    def get(self, key: Hashable, file_bytes: int, opened: Callable[[], Any]) -> Any:
+        """The network of that key; opened where none is kept, or of a file that changed (the key says so)."""
+        with self._lock:
+            network = self._kept.pop(key)[0] if key in self._kept else opened()
+            self._kept[key] = network, file_bytes  # the last in the order is the last that was used
+            while len(self._kept) > 1 and (len(self._kept) > self.most or self._bytes() > self.most_bytes):
+                del self._kept[next(iter(self._kept))]
+            return network
+
+    def _bytes(self) -> int:
+        return sum(size for _, size in self._kept.values())
+
+
+_KEPT = OpenNetworks()
 
 
 _OPEN: WeakSet[NetworkFile] = WeakSet()
@@ -207,14 +236,12 @@ def close_networks() -> None:
     """Close the sessions of all network files; they open again when they run.
 
     A session keeps what its largest run took, some 300 MB; opening one takes .06 s. What was freed goes back to the system, too,
-    and from now on arrays of 8 MiB do once they are freed: glibc keeps about as much, in pieces.
+    and from now on arrays of MAPPED bytes do once they are freed: glibc keeps about as much, in pieces.
     """
     for one in list(_OPEN):
         vars(one).pop("session", None)
     _OPEN.clear()
     with contextlib.suppress(OSError, AttributeError, TypeError):  # glibc alone has it
         glibc = ctypes.CDLL(None)
-        glibc.mallopt(
-            -3, 2**23
-        )  # M_MMAP_THRESHOLD: bytes from which an array has pages of its own; left alone it grows
+        glibc.mallopt(M_MMAP_THRESHOLD, MAPPED)
         glibc.malloc_trim(0)
