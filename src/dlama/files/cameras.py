@@ -19,6 +19,7 @@ from dlama.files.fields import (
     FileFields,
     Intrinsics,
     fields_of,
+    intrinsics_in,
     json_text,
     json_value,
     read_calib_txt,
@@ -85,16 +86,6 @@ def read_camera_fields(path: PathLike) -> FileFields:
     intrinsics_in(fields)  # what is missing is an error, before a field that is misspelt is warned of
     fields.warn_of_unknown(CAMERA_FIELDS)
     return fields
-
-
-def intrinsics_in(fields: FileFields) -> Intrinsics:
-    """fx, fy, cx, cy of a camera's fields (`read_camera_fields`), as its file counts pixels. Raises CameraError."""
-    matrix = next((name for name in ("K", "cam0") if name in fields), None)
-    if matrix is None:
-        return fields.lens()
-    if any(name in fields for name in LENS):
-        raise CameraError(f"{fields.path}: K and fx, fy, cx, cy are both given; one of them is expected")
-    return fields.intrinsics(matrix)
 
 
 def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:

@@ -139,6 +139,16 @@ class FileFields:
         return self.values[name]
 
 
+def intrinsics_in(fields: FileFields) -> Intrinsics:
+    """fx, fy, cx, cy of a camera's fields (`read_camera_fields` of cameras), as its file counts pixels. Raises CameraError."""
+    matrix = next((name for name in ("K", "cam0") if name in fields), None)
+    if matrix is None:
+        return fields.lens()
+    if any(name in fields for name in LENS):
+        raise CameraError(f"{fields.path}: K and fx, fy, cx, cy are both given; one of them is expected")
+    return fields.intrinsics(matrix)
+
+
 def read_json_fields(path: PathLike) -> FileFields:
     """The fields of a JSON object. Raises FileError (no JSON: with line and column)."""
     return json_fields(path, json_text(path))

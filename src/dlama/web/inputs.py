@@ -10,8 +10,8 @@ from typing import Any
 
 import dlama
 from dlama.errors import InputError
-from dlama.files.cameras import intrinsics_in, read_camera_fields
-from dlama.files.fields import read_calib_txt, read_json_fields
+from dlama.files.cameras import read_camera_fields
+from dlama.files.fields import intrinsics_in, read_calib_txt, read_json_fields
 from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
 from dlama.jobs import parameters

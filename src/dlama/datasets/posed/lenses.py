@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dlama.errors import CameraError, FileError
-from dlama.files.cameras import intrinsics_in, make_camera, read_camera_fields
-from dlama.files.fields import FileFields, Intrinsics
+from dlama.files.cameras import make_camera, read_camera_fields
+from dlama.files.fields import FileFields, Intrinsics, intrinsics_in
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.writing.atomic_write import PathLike
 
