@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -77,6 +78,17 @@ def test_large_pictures_are_searched_at_half_the_size(monkeypatch: pytest.Monkey
     found, _ = disparity_pair(left, right, max_disparity=30)
     error = np.abs(found - truth)[found != 0]
     assert (found != 0).mean() > 0.7 and np.median(error) < 0.2 and np.percentile(error, 98) < 1
+
+
+@pytest.mark.parametrize("width", [160, 157])
+def test_wide_pictures_are_halved_and_their_matches_refined(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
+    """Closed form: a slanted plane matched at a half and at a quarter of its width, odd ones too, is right below a pixel."""
+    left, right, truth, _ = plane_pair(16, 0.06, 0.03)
+    smooth = [cv2.GaussianBlur(picture, (0, 0), 2)[:, :width] for picture in (left, right)]
+    monkeypatch.setattr(stereo_matching, "WIDEST_PX", 50)
+    found, _ = disparity_pair(smooth[0], smooth[1], max_disparity=40)
+    error = np.abs(found - truth[:, :width])[found != 0]
+    assert (found != 0).mean() > 0.8 and np.median(error) < 0.1 and np.percentile(error, 95) < 0.6
 
 
 def test_columns_near_the_left_border_are_matched() -> None:
