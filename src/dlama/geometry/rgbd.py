@@ -239,7 +239,9 @@ def replace_pixels(array: np.ndarray, where: BoolArray, other: np.ndarray) -> np
 
 def brighten(color: UInt8Array, gain: ArrayLike) -> UInt8Array:
     """Colours (N x 3 or H x W x 3) with their channels multiplied by the gains (3), rounded and cut to 0..255."""
-    return np.clip(np.rint(color * np.asarray(gain, np.float64)), 0, 255).astype(np.uint8)
+    levels = np.arange(256) * np.asarray(gain, np.float64)[:, None]
+    table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+    return np.stack([table[channel][color[..., channel]] for channel in range(3)], -1)
 
 
 def sampled_pixels(hw: tuple[int, ...], step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
