@@ -27,6 +27,8 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.surfaces import continue_surfaces
 from dlama.perception.stereo.matching import nearest_columns
 
+MOST_FOR_GAIN = 500_000
+"""Matched pixels of which the gain between two pictures is found."""
 NARROWEST = 3
 """px; what one camera saw alone and is narrower than this is the rim of a depth edge."""
 
@@ -36,16 +38,18 @@ def color_gain(pair: MatchedPair) -> Float64Array:
 
     The median ratio over matched pixels outside the masks that neither picture clips; 1 where none is left or it is within 1 %.
     """
-    left, right = pair.colors
     disparity = pair.disparities[0]
     there, inside = nearest_columns(disparity, 1)
     known = inside & (disparity != 0)
     if pair.masks is not None:
         known &= ~pair.masks[0]
-    matched = np.take_along_axis(right, there[..., None], axis=1)
+    rows, columns = np.nonzero(known)
+    some = slice(None, None, 1 + len(rows) // MOST_FOR_GAIN)
+    rows, columns = rows[some], columns[some]
+    left, right = pair.colors[0][rows, columns], pair.colors[1][rows, there[rows, columns]]
     gains = np.ones(3)
     for channel in range(3):
-        ours, theirs = left[..., channel][known].astype(np.float64), matched[..., channel][known].astype(np.float64)
+        ours, theirs = left[:, channel].astype(np.float64), right[:, channel].astype(np.float64)
         fit = (np.minimum(ours, theirs) > UNCLIPPED[0]) & (np.maximum(ours, theirs) < UNCLIPPED[1])
         if fit.any():
             gains[channel] = np.median(ours[fit] / theirs[fit])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from numbers import Real
 from typing import Any
 
@@ -58,12 +59,12 @@ class MatchedPair:
     notes: dict[str, Any] = field(default_factory=dict)
     """For meta.json: what found them, and what speaks against the pair."""
 
-    @property
+    @cached_property
     def left(self) -> RGBD:
         """The left picture with the depth of its disparity."""
         return self._with_depth(0, self.rig.left)
 
-    @property
+    @cached_property
     def right(self) -> RGBD:
         """The right picture with the depth of its disparity."""
         return self._with_depth(1, self.rig.right)
@@ -112,7 +113,7 @@ def completion_of_pair(
     lens = {"fx": rig.left.fx, "baseline_m": rig.baseline_m, "doffs": rig.doffs}
     left, right = (disparity_from_depth(view.depth, rig) for view in views)
     agreement = consistency(views[0].color, views[1].color, left, right)
-    meta = meta_data(plan, source, before, fills, seconds, mask) | expected_errors(views)
+    meta = meta_data(plan, scene.frames[0].load(), before, fills, seconds, mask) | expected_errors(views)
     meta["stereo"] = {**lens, **pair.notes, **about, "consistency": dataclasses.asdict(agreement)}
     return StereoCompletion(views, before, scene, source, meta, left, right, agreement)
 

@@ -126,10 +126,9 @@ def stereo(
     warn_of_disparity(pair.left)
     found = mask(pair.left) if callable(mask) else mask
     masks = masks_of_pair(found, mask_right, pair)
-    pair = dataclasses.replace(pair, masks=masks)
-    start = scene_of(pair.left)
-    decisions = choice.decision
+    start, decisions = scene_of(pair.left), choice.decision
     if masks is not None:
+        pair = dataclasses.replace(pair, masks=masks)
         warn_of_mask(masks[0])
         growth = mask_growth(start, chosen.dilate)
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}

@@ -51,7 +51,8 @@ def conductances(
 def relax(
     across: Float32Array,
     down: Float32Array,
-    open_: BoolArray,
+    starts: NDArray[np.int64],
+    columns: NDArray[np.int64],
     pull: Real,
     target: Float32Array,
     level: Float32Array,
@@ -59,25 +60,25 @@ def relax(
 ) -> None:
     """Sweeps of successive over-relaxation towards the minimum of sum c (difference of neighbours)^2 + pull (level - target)^2.
 
-    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull: a float32. target: H x W.
-    level: H x W, changed where open. changes: the largest change of each sweep, of which there are as many. Each is two rows
-    behind the one before it: so none waits for another, and all find these rows in the processor's cache.
+    across, down: H x W, the c of a pixel and its right and its lower neighbour. columns: of the pixels that are moved, row by
+    row; starts: H + 1, where each row begins in them. pull: a float32. target: H x W. level: H x W, changed there. changes: the
+    largest change of each sweep, of which there are as many. Each is two rows behind the one before it: so none waits for
+    another, and all find these rows in the processor's cache.
     """
-    rows, columns = level.shape
+    rows, width = level.shape
     for turn in range(len(changes)):
         changes[turn] = 0.0
     for ahead in range(rows + 2 * len(changes) - 2):
-        for column in range(columns):
-            for turn in range(len(changes)):
-                row = ahead - 2 * turn
-                if row < 0 or row >= rows or not open_[row, column]:
-                    continue
+        for turn in range(max(0, -((rows - 1 - ahead) // 2)), min(len(changes), ahead // 2 + 1)):
+            row = ahead - 2 * turn
+            for k in range(starts[row], starts[row + 1]):
+                column = columns[k]
                 weight = pull
                 total = weight * target[row, column]
                 if column > 0:
                     total += across[row, column - 1] * level[row, column - 1]
                     weight += across[row, column - 1]
-                if column < columns - 1:
+                if column < width - 1:
                     total += across[row, column] * level[row, column + 1]
                     weight += across[row, column]
                 if row > 0:
