@@ -117,12 +117,16 @@ def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
     """
     if not known.any():
         return np.full(known.shape, np.inf, np.float32), np.zeros(known.shape, np.intp)
-    distance, labels = cv2.distanceTransformWithLabels(
+    distance, number = _number_of_nearest(known)
+    return distance, np.flatnonzero(known)[number]
+
+
+def _number_of_nearest(known: BoolArray) -> tuple[Float32Array, NDArray[np.int32]]:
+    """As `nearest_known`, of known pixels by number, row by row from 0; one must be known."""
+    distance, label = cv2.distanceTransformWithLabels(
         (~known).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    of_label = np.zeros(labels.max() + 1, np.intp)
-    of_label[labels[known]] = np.flatnonzero(known)
-    return np.asarray(distance, np.float32), of_label[labels]
+    return np.asarray(distance, np.float32), np.asarray(np.subtract(label, 1, out=label), np.int32)
 
 
 def innermost_pixel(where: BoolArray) -> tuple[int, int]:
@@ -183,8 +187,8 @@ def fill_with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
         return values
     box = box_around(~known, 1)
     missing, out = ~known[box], values.copy()
-    pixels = values[box].reshape(missing.size, *values.shape[2:])
-    out[box][missing] = pixels[nearest_known(~missing)[1][missing]]
+    nearest = np.flatnonzero(~missing)[_number_of_nearest(~missing)[1][missing]]
+    out[box][missing] = values[box].reshape(missing.size, *values.shape[2:])[nearest]
     return out
 
 
