@@ -50,7 +50,7 @@ from dlama.completion.stereo.pair import (
 )
 from dlama.completion.stereo.published import complete_pair_one_by_one
 from dlama.errors import InputError
-from dlama.geometry.camera import StereoRig
+from dlama.geometry.camera import Float64Array, StereoRig
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.removal import mask_growth
 from dlama.geometry.fusion import close_holes, fuse
@@ -188,29 +188,14 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Ster
     with clock("exchange"):
         other = right_before if pair.masks is None else continue_depth(right_before, context, plan.seed)
         other = apply_gain(other, gain)
-        open_left = scene.frames[0].load()
-        known_left = transfer_hidden(open_left, other, plan.context.law, recipe.mode)
-    with clock("fill"):
-        left, left_fill = inpaint(known_left, plan.inpainter, plan.context, plan.seed)
+    left, left_fill, scene = complete_left(plan, scene, other, clock)
     with clock("fuse"):
-        guessed_or_transferred = open_left.color_hole
-        measured = left.without(guessed_or_transferred, HoleType.OBJECT)
-        scene = dataclasses.replace(scene, frames=(measured,))
         if pair.masks is not None:
             scene = add_seen_alone(scene, other, context.law, recipe.mode)
         scene = fuse(scene, left)
-
-    with clock("render"):
-        shown = apply_gain(render(scene, pair.rig.right, recipe.mode, types=False, close=False), 1 / gain)
-    known, moved = close_holes(context.law, right_before, shown, measured=True)
-    with clock("fill"):
-        right, right_fill = inpaint(known, filler_next_to(filler, left, recipe, left=False), context, plan.seed)
-    with clock("fuse"):
-        if pair.masks is None:
-            scene = add_seen_alone(scene, apply_gain(right, gain), context.law, recipe.mode)
-        own_depth = right.origin == Origin.DEPTH_FILLED.value  # added above where the left picture does not have it
-        new = apply_gain(right, gain).without(own_depth, HoleType.NONE)
-        scene = fuse(scene, new, right_before.hole & ~known.hole)
+    next_to_left = filler_next_to(filler, left, recipe, left=False)
+    right_plan = dataclasses.replace(draft, inpainter=next_to_left, measured=both)
+    right, right_fills, scene = complete_right(right_plan, scene, right_before, gain, pair.masks is not None, clock)
     left_before = left_before_filling(clean.left, scene)
     before, views = (left_before, right_before), (left, right)
     return completion_of_pair(
@@ -219,13 +204,45 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Ster
         before,
         views,
         scene,
-        [left_fill, FillReport(law_moves=moved), right_fill],
+        [left_fill, *right_fills],
         clock.seconds,
         grown_mask,
         right="given",
         gain=[round(float(value), 4) for value in gain],
         transferred_share=[transferred_share(*both) for both in zip(views, before)],
     )
+
+
+def complete_left(plan: Plan, scene: Scene, other: View, clock: Clock) -> tuple[View, FillReport, Scene]:
+    """The left view completed, first by what the `other` one measured, and the scene with its depth."""
+    open_left = scene.frames[0].load()
+    with clock("exchange"):
+        known = transfer_hidden(open_left, other, plan.context.law, plan.recipe.mode)
+    with clock("fill"):
+        left, report = inpaint(known, plan.inpainter, plan.context, plan.seed)
+    with clock("fuse"):
+        guessed_or_transferred = open_left.color_hole
+        measured = left.without(guessed_or_transferred, HoleType.OBJECT)
+    return left, report, dataclasses.replace(scene, frames=(measured,))
+
+
+def complete_right(
+    plan: Plan, scene: Scene, before: View, gain: Float64Array, removing: bool, clock: Clock
+) -> tuple[View, list[FillReport], Scene]:
+    """The right view (`before` filling) completed, first by what the scene shows there, and the scene with what is new in it."""
+    context, mode = plan.context, plan.recipe.mode
+    with clock("render"):
+        shown = apply_gain(render(scene, before.camera, mode, types=False, close=False), 1 / gain)
+    known, moved = close_holes(context.law, before, shown, measured=True)
+    with clock("fill"):
+        right, report = inpaint(known, plan.inpainter, context, plan.seed)
+    with clock("fuse"):
+        as_left = apply_gain(right, gain)
+        if not removing:
+            scene = add_seen_alone(scene, as_left, context.law, mode)
+        own_depth = right.origin == Origin.DEPTH_FILLED.value  # added above where the left picture does not have it
+        scene = fuse(scene, as_left.without(own_depth, HoleType.NONE), before.hole & ~known.hole)
+    return right, [FillReport(law_moves=moved), report], scene
 
 
 def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> StereoCompletion:

@@ -16,6 +16,7 @@ import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -95,7 +96,7 @@ def depth_of_differences(stored: UInt8Array) -> Float32Array:
 
 def add_rows(differences: np.ndarray) -> None:
     """Each row becomes the sum of all up to it. `numpy.cumsum` along columns takes 70 times as long."""
-    for above, row in zip(differences, differences[1:]):
+    for above, row in pairwise(differences):
         row += above
 
 
