@@ -200,7 +200,8 @@ def test_points_and_triangles_say_what_they_are_in_one_line() -> None:
 def test_nouns_keep_what_they_were_given() -> None:
     """A buffer that is written to again (a video's) changes no noun made of it, nor does one behind a read-only view."""
     rgb, depth, padding = COLOR.copy(), np.ones((2, 3), np.float32), np.zeros((2, 3), np.bool_)
-    rgbd = RGBD(rgb, depth, CAMERA, padding=padding)
+    estimate = {"estimator": "mine"}
+    rgbd = RGBD(rgb, depth, CAMERA, estimate, padding)
     shown = rgb.view()
     shown.flags.writeable = False
     behind = RGBD(shown, depth, CAMERA)
@@ -213,7 +214,8 @@ def test_nouns_keep_what_they_were_given() -> None:
     scene = Scene(layers)  # type: ignore[arg-type]
     for buffer in (rgb, depth, padding, points, *(value for value in fields.values() if isinstance(value, np.ndarray))):
         buffer[...] = 77 if buffer.dtype != np.bool_ else True
-    layers.clear()
+    layers.clear(), estimate.clear()
+    assert rgbd.estimate == {"estimator": "mine"}
     assert (rgbd.color == COLOR).all() and (behind.color == COLOR).all() and (rgbd.depth == 1).all()
     assert rgbd.padding is not None and not rgbd.padding.any()
     assert (view.color == COLOR).all() and not view.hole.any() and (view.depth == 1).all()

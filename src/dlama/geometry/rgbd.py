@@ -62,7 +62,8 @@ class RGBD(Figured):
                 raise ShapeError(f"padding is {padding.dtype} {padding.shape}; bool H x W is expected")
             depth = freeze(np.where(padding, np.float32(0), depth))
             padding = make_read_only(padding)
-        vars(self).update(color=make_read_only(color), depth=make_read_only(depth), padding=padding)
+        estimate = None if self.estimate is None else dict(self.estimate)
+        vars(self).update(color=make_read_only(color), depth=make_read_only(depth), padding=padding, estimate=estimate)
 
     def __repr__(self) -> str:
         width, height = self.camera.wh
