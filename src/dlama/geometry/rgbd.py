@@ -55,6 +55,7 @@ class RGBD(Figured):
         color = check_color(self.color)
         depth = check_depth(self.depth, color.shape[:2])
         check(self.camera, Camera, "camera")
+        check(self.estimate, Mapping[str, Any] | None, "estimate")
         check_same_size("the camera", self.camera.hw, "the picture", depth.shape)
         padding = _find_padding(color, depth) if self.padding is None else as_array(self.padding, "padding", "a mask")
         if padding is not None:
