@@ -77,7 +77,7 @@ def test_what_lies_on_no_plane_is_relaxed_to_the_minimum() -> None:
     across, down = np.empty((2, *shape), np.float32)
     conductances(0, shape[0], across, down, np.ones(shape, np.bool_), begin, color)
     starts = np.concatenate([[0], free.sum(1).cumsum()])
-    relax(across, down, starts, np.nonzero(free)[1], np.float32(0.05), begin, values, np.empty(400))
+    relax(across, down, starts, np.flatnonzero(free) % shape[1], np.float32(0.05), begin, values, np.empty(400))
     index = {tuple(map(int, one)): n for n, one in enumerate(np.argwhere(free))}
     matrix, right = np.zeros((len(index),) * 2), np.zeros(len(index))
     for (y, x), n in index.items():

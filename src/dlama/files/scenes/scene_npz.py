@@ -29,7 +29,7 @@ from dlama.files.rasters.images import existing_file, printable_name
 from dlama.files.schema import SCHEMA, check_schema
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.stored import CACHE_BYTES, BoxedView, Layer, PixelCache, StoredView
-from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.rgbd import Float32Array, UInt8Array, freeze
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, new_file
@@ -91,7 +91,7 @@ def depth_of_differences(stored: UInt8Array) -> Float32Array:
     bits = (folded >> 1) ^ -(folded & np.uint32(1))
     np.cumsum(bits, axis=1, dtype=np.uint32, out=bits)
     add_rows(bits)
-    return np.asarray(bits.astype("<u4", copy=False).view("<f4"), np.float32)
+    return np.asarray(freeze(bits).view("<f4"), np.float32)
 
 
 def add_rows(differences: np.ndarray) -> None:
@@ -216,6 +216,7 @@ def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
     color, K = arrays[f"{prefix}rgb"], arrays[f"{prefix}K"]
     if (stored := arrays[f"{prefix}depth"]).dtype == np.uint8:
         add_rows(color := color.copy())
+        freeze(color)
         arrays = {**arrays, f"{prefix}depth": depth_of_differences(stored)}
     camera = Camera.from_K(K, color.shape[1], color.shape[0], world_from_cam=arrays[f"{prefix}world_from_cam"])
     depth, hole, types, origin, confidence = (

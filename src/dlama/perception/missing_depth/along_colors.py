@@ -98,7 +98,8 @@ def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> None:
     across, down, begin = np.empty_like(w), np.empty_like(w), w.copy()
     in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), begin, color)
     starts = np.concatenate([[0], loose.sum(1).cumsum()])
-    to_relax = across, down, starts, np.nonzero(loose)[1], np.float32(0.01), begin, w
+    columns = np.flatnonzero(loose) % w.shape[1]
+    to_relax = across, down, starts, columns, np.float32(0.01), begin, w
     for _ in range(0, 80, AT_ONCE):
         before, changes = w[loose], np.empty(AT_ONCE)
         relax(*to_relax, changes)
