@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import pkgutil
 import subprocess
@@ -39,9 +40,11 @@ def test_a_job_has_its_own_list() -> None:
     each other layout of its arrays."""
     every = ahead.listed_kernels()
     assert 0 < len(ahead.listed_kernels("view")) < len(every) == len(ahead.listed_kernels("evaluate"))
-    assert all(hasattr(pkgutil.resolve_name(words[1]), "compile") for words in every)
-    for words in every:
-        assert len(list(map(ahead.numba_type, words[2:]))) > 0  # raises where one cannot be read
+    for _, name, *types in every:
+        kernel = pkgutil.resolve_name(name)
+        assert hasattr(kernel, "compile")
+        # raises where a type cannot be read; one type a parameter, or compiling fails on the first run
+        assert len(list(map(ahead.numba_type, types))) == len(inspect.signature(kernel.py_func).parameters), name
     assert len({words[1] for words in every}) == len(every)
 
 
