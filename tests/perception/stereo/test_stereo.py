@@ -177,6 +177,14 @@ def test_noise_hardly_matches() -> None:
         assert (found != 0).mean() < 0.2
 
 
+def test_a_range_that_the_matcher_cannot_say_is_refused() -> None:
+    """Law: 16 bits in steps of 1/16 hold 2000 px; pictures are searched at twice the width up to 1600 px, halved from 2400 on."""
+    for width, most in ((1600, 1000), (1700, 1700), (2400, 2000), (2401, 2000), (3600, 3600), (6000, 4000)):
+        picture = np.zeros((1, width, 3), np.uint8)
+        with pytest.raises(InputError, match=f"at most {most} px is expected"):
+            disparity_pair(picture, picture, max_disparity=most + 1)
+
+
 def test_an_empty_range_is_refused() -> None:
     """Oracle: the message names the range that came."""
     picture = np.zeros((4, 6, 3), np.uint8)

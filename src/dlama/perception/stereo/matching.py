@@ -101,7 +101,7 @@ def _search_and_refine(
         at_left, at_right = (_enlarge(one * np.float32(ratio), (width, height)) for one in found)
     else:
         whole = _search(left, right, limits, WHOLE, _scale_of_whole(left.shape, limits[1] - limits[0]))
-        fine = _search(left, right, limits, FINE, 2 if width <= DOUBLED_UP_TO_PX else 1)
+        fine = _search(left, right, limits, FINE, _scale_of_fine(width))
         at_left, at_right = _join(whole[0], fine[0], whole[1], 1), _join(whole[1], fine[1], whole[0], -1)
     mirrored = begin_job(refine_disparity, right[:, ::-1], left[:, ::-1], at_right[:, ::-1], limits[0])
     return refine_disparity(left, right, at_left, limits[0]), mirrored()[:, ::-1]
@@ -125,13 +125,20 @@ def equalise_exposure(picture: UInt8Array, like: UInt8Array) -> UInt8Array:
 
 def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None:
     """Raise InputError for a range that is wider than pictures of that width, or than the matcher can say."""
-    # OpenCV's matcher has 16 bits, in steps of 1/16, less margins; halves of wider pictures reach farther
-    most = width if width > WIDEST_PX else min(width, 1000 if width <= DOUBLED_UP_TO_PX else 2000)
-    asked = max(-min_disparity, max_disparity)
+    most, asked = min(width, _reach(width)), max(-min_disparity, max_disparity)
     if asked > most:
         raise InputError(
             f"`max_disparity` is {format_value(asked)} px; at most {most} px is expected in pictures {width} px wide"
         )
+
+
+def _reach(width: int) -> int:
+    """px that OpenCV's matcher can say in pictures of that width: it has 16 bits, in steps of 1/16, less margins."""
+    return 2 * _reach(width // 2) if width > WIDEST_PX else 2000 // _scale_of_fine(width)
+
+
+def _scale_of_fine(width: int) -> int:
+    return 2 if width <= DOUBLED_UP_TO_PX else 1
 
 
 def _scale_of_whole(shape: tuple[int, ...], span: float) -> float:
@@ -200,7 +207,6 @@ def _match_both_ways(
 
 def _match(base: UInt8Array, other: UInt8Array, lowest: float, highest: float, search: Search) -> Float32Array:
     """Semi-global matching of `base` against `other`: H x W float32 px, NaN where nothing in the range matches."""
-
     first = math.floor(lowest) - MARGIN_PX
     count = 16 * math.ceil((math.ceil(highest) + MARGIN_PX - first) / 16)
     matcher = cv2.StereoSGBM.create(
@@ -245,7 +251,6 @@ def nearest_columns(disparity: Float32Array, sign: int) -> tuple[np.ndarray, Boo
 
 def _remove_speckles(disparity: Float32Array) -> Float32Array:
     """NaN for patches of fewer than 1/4000 of the picture (10..200 px) that differ from their neighbourhood."""
-
     smallest = min(200, max(10, disparity.size // 4000))
     unknown = np.int16(np.iinfo(np.int16).min)
     fixed = np.where(np.isfinite(disparity), np.nan_to_num(disparity) * 16, unknown).astype(np.int16)
