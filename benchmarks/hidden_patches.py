@@ -1,8 +1,8 @@
-"""Parts of real pictures hidden as if a thing stood there, and filled: the picture is the truth.
+"""Parts of real pictures hidden as if an object stood there, and filled: the picture is the truth.
 
     python benchmarks/hidden_patches.py ../shared/data/kitchen_sequence [--fillers layered migan ...] [--every 1] [-o sheets]
 
-Masks are shapes of things that a click found in the same frames, laid where 93 % of what they cover, and 85 % of what lies round
+Masks are shapes of objects that a click found in the same frames, laid where 93 % of what they cover, and 85 % of what lies round
 them, is one plane of the measured depth: a table, a wall, a cabinet's front. Two a frame, drawn with a fixed seed. Squared error
 and LPIPS are taken over the shape grown by 6 px, as `dlama remove` grows it.
 """
@@ -28,7 +28,7 @@ CLICKS = (
     (90, 473, 208), (400, 229, 205), (400, 321, 293), (220, 282, 367), (280, 342, 402), (330, 392, 240), (250, 229, 330),
     (300, 504, 315), (430, 209, 396),
 )  # fmt: skip
-"""Frame, x and y of the things whose shapes are used; the first, a chair, is used in one of seven."""
+"""Frame, x and y of the objects whose shapes are used; the first, a chair, is used in one of seven."""
 LENS = {"fx": 526.0, "fy": 526.0, "cx": 320.5, "cy": 237.5, "pixel_center": 0.5}
 A_FRAME, TRIES, SEED = 2, 400, 3
 WITHIN, ROUND, GROWN_PX, MARGIN_PX = 0.93, 0.85, 6, 20
@@ -39,7 +39,7 @@ def frame(folder: Path, number: int) -> RGBD:
     return dlama.read_rgbd(folder / f"images/{name}.jpg", folder / f"depth/{name}.png", **LENS)  # type: ignore[arg-type]
 
 
-def shapes_of_things(folder: Path) -> list[BoolArray]:
+def shapes_of_objects(folder: Path) -> list[BoolArray]:
     """The masks of CLICKS, each cut to its box."""
     out = []
     for number, x, y in CLICKS:
@@ -78,7 +78,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="folder for the pictures: truth, then each filler's")
     given = parser.parse_args()
-    rng, shapes = np.random.default_rng(SEED), shapes_of_things(given.folder)
+    rng, shapes = np.random.default_rng(SEED), shapes_of_objects(given.folder)
     rows: dict[str, list[tuple[float, float, float]]] = {filler: [] for filler in given.fillers}
     number = -1
     for index in range(len(list(given.folder.glob("images/*.jpg")))):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, fill_with_nearest, morphological_close
@@ -42,29 +43,39 @@ def consistency(
     counts as disagreeing, so dense true disparities do not reach 1 (cone 0.95, Cloth3 0.975). coverage: of all left
     pixels, the share with a disparity.
     """
-    compared, known, deviations, within, difference = 0, 0, 0, 0, 0.0
-    x, rows = np.arange(left_disparity.shape[1], dtype=np.float32), len(left_disparity)
-    for first in range(0, rows, BAND_ROWS):
-        band = slice(first, first + BAND_ROWS)
-        ours, theirs = (_nan_where_unknown(disparity[band]) for disparity in (left_disparity, right_disparity))
-        there = np.isfinite(ours)
-        shift = np.where(there, ours, 0)
-        at = x - shift
-        inside = there & (at >= 0) & (at <= len(x) - 1)
-        down = np.repeat(np.arange(len(ours), dtype=np.float32)[:, None], len(x), 1)
-        # float32, or OpenCV would round the column to 1/32 px in its 8-bit path
-        matched = cv2.remap(right_color[band].astype(np.float32), at, down, cv2.INTER_LINEAR)
-        difference += float(np.abs(matched - left_color[band])[inside].sum(dtype=np.float64))
-        columns, _ = nearest_columns(shift, 1)
-        deviation = np.abs(np.take_along_axis(theirs, columns, axis=1) - ours)[inside]
-        compared, known = compared + int(inside.sum()), known + int(there.sum())
-        deviations += int(np.isfinite(deviation).sum())
-        within += int((deviation <= TOLERANCE_PX).sum())  # NaN compares as False
+    bands = (slice(first, first + BAND_ROWS) for first in range(0, len(left_disparity), BAND_ROWS))
+    counts = [
+        _compare_rows(left_color[band], right_color[band], left_disparity[band], right_disparity[band])
+        for band in bands
+    ]
+    known, compared, difference, matched, within = np.sum(counts, 0)
     return StereoConsistency(
-        photometric_mae=difference / (3 * compared) if compared else math.nan,
-        left_right_within_1px=within / deviations if deviations else math.nan,
-        coverage=known / left_disparity.size,
+        photometric_mae=float(difference / (3 * compared)) if compared else math.nan,
+        left_right_within_1px=float(within / matched) if matched else math.nan,
+        coverage=float(known / left_disparity.size),
     )
+
+
+def _compare_rows(
+    left_color: UInt8Array, right_color: UInt8Array, left_disparity: Float32Array, right_disparity: Float32Array
+) -> NDArray[np.float64]:
+    """5, of some rows: pixels with a disparity; those compared, the sum of their colour differences, those whose match has a
+    disparity, those in which both agree."""
+    ours, theirs = _nan_where_unknown(left_disparity), _nan_where_unknown(right_disparity)
+    known = np.isfinite(ours)
+    shift = np.where(known, ours, 0)
+    height, width = ours.shape
+    x = np.arange(width, dtype=np.float32) - shift
+    y = np.broadcast_to(np.arange(height, dtype=np.float32)[:, None], x.shape)
+    compared = known & (x >= 0) & (x <= width - 1)
+    # float32, or OpenCV would round the column to 1/32 px in its 8-bit path
+    matched = cv2.remap(right_color.astype(np.float32), x, np.ascontiguousarray(y), cv2.INTER_LINEAR)
+    difference = np.abs(matched - left_color)[compared]
+    columns, _ = nearest_columns(shift, 1)
+    deviation = np.abs(np.take_along_axis(theirs, columns, axis=1) - ours)
+    deviation = deviation[compared & np.isfinite(deviation)]
+    agree = (deviation <= TOLERANCE_PX).sum()
+    return np.array([known.sum(), compared.sum(), difference.sum(dtype=np.float64), deviation.size, agree])
 
 
 def _nan_where_unknown(disparity: Float32Array) -> Float32Array:
