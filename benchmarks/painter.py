@@ -1,151 +1,183 @@
-"""MI-GAN's generator tuned on the holes that removals and views leave: photos and worlds (`painter_crops`) in, the network's file
-out.
+"""MI-GAN's generator tuned on the holes that removals and views leave: packs of photos, worlds and views (`painter_crops`) in,
+the network's file out.
 
-    python benchmarks/painter.py worlds FOLDER --photos ../shared/photos
-    python benchmarks/painter.py train FOLDER --photos ../shared/photos --start FILE -o RUN --minutes 60 [--resume]
-    python benchmarks/painter.py export RUN --start FILE -o FILE
+    python benchmarks/painter.py pack FOLDER --photos ../shared/photos
+    python benchmarks/painter.py train FOLDER --start FILE -o RUN --minutes 60 [--resume] [--device cuda --batch 32] [--guided]
+    python benchmarks/painter.py export RUN --start FILE -o FILE [--guided]
     python benchmarks/painter.py mean FILE FILE --share 0.33 -o src/dlama/assets/migan/migan-512-tuned.onnx
 
+`pack` takes an hour on two cores. Its files, none above 60 MB, are all that `train` reads, on a computer with a GPU or here.
 `train` begins at the generator of --start (a file of `migan_export`) and keeps its structure; what is exported is the running
-mean of its weights. Every few minutes it is measured on held-out photos, worlds and views: mean absolute and squared error in
-levels, LPIPS in the hole; some of them are written as a picture. `mean` is that of two files' weights. The file that ships is the
-mean of a run of 1,950 steps with photos and worlds alone (2/3) and of the 1,440 steps that went on from it with views and depth
-(1/3): the second is better in views, the first behind removed objects.
+mean of its weights. It is measured on held-out photos, worlds and views: mean squared error in levels and LPIPS in the hole; some
+of them are written as pictures. --guided: the network also sees what is known of the hole, the colours of the surfaces that
+continue, their depth and the kind of hole. `mean` is that of two files' weights.
+
+The file that ships was tuned on two cores, at an earlier state of these files: the mean of a run of 1,950 steps of four crops of
+photos and worlds (2/3), and of the 1,440 steps that went on from it with views and depth (1/3). The second is better in views,
+the first behind removed objects.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import time
-from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
-from bench import lpips_map
 from dlama.datasets.text_tables import pictures_below
-from dlama.geometry.rgbd import UInt8Array
 from dlama.training.data.photos import split_photos
-from painter_crops import VIEW_SIDE, Crop, outlines_of, photo_crop, stored_crop, write_views, write_worlds
-from painter_network import Generator, Run
-
-WORLDS, VIEWS, OUTLINES = 900, 400, 600
-SIDE, BATCH, LARGE_SIDE, LARGE_BATCH, LARGE = 256, 4, 384, 2, 0.2
-"""Pixels and number of crops of a batch, and of so large a share of all batches."""
-OF_WORLDS, OF_VIEWS = 0.2, 0.3
-"""Shares of crops; views are of no large batch."""
-MEASURED, SHOWN_EVERY = {"photos": 48, "worlds": 32, "views": 48}, 4
-
-
-class Crops:
-    """What is learnt from, and what is held out, of a folder of worlds and views and a folder of photos."""
-
-    def __init__(self, folder: Path, photos: Path) -> None:
-        found = pictures_below(photos)
-        worlds, views = (sorted((folder / name).glob("*.npz")) for name in ("worlds", "views"))
-        self.photos = split_photos(found, "train")
-        self.worlds, self.views = worlds[: -MEASURED["worlds"]], views[: -MEASURED["views"]]
-        rng = np.random.default_rng(99)
-        self.outlines = outlines_of([self.photos[place] for place in rng.permutation(len(self.photos))[:OUTLINES]])
-        kept = split_photos(found, "held_out")
-        self.held_out = {
-            "photos": [photo_crop(kept, self.outlines, SIDE, rng) for _ in range(MEASURED["photos"])],
-            "worlds": [stored_crop([file], LARGE_SIDE, rng) for file in worlds[-MEASURED["worlds"] :]],
-            "views": [stored_crop([file], VIEW_SIDE, rng) for file in views[-MEASURED["views"] :]],
-        }
-
-    def batches(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, Tensor, Tensor, Tensor]]:
-        """Without end: colours and truth (B x 3 x S x S, 0..1), hole and its counted part (B x 1 x S x S); half of the crops
-        are mirrored."""
-        while True:
-            side, count = (LARGE_SIDE, LARGE_BATCH) if rng.random() < LARGE else (SIDE, BATCH)
-            crops = [self._crop(side, rng) for _ in range(count)]
-            crops = [Crop(*(plane[:, ::-1] for plane in one)) if rng.random() < 0.5 else one for one in crops]
-            yield (
-                tensor_of([one.color for one in crops]) / 255,
-                tensor_of([one.truth for one in crops]) / 255,
-                tensor_of([one.hole[..., None] for one in crops]),
-                tensor_of([one.counted[..., None] for one in crops]),
-            )
-
-    def _crop(self, side: int, rng: np.random.Generator) -> Crop:
-        drawn = rng.random()
-        if drawn < OF_WORLDS:
-            return stored_crop(self.worlds, side, rng)
-        if drawn < OF_WORLDS + OF_VIEWS and side <= VIEW_SIDE:
-            return stored_crop(self.views, side, rng)
-        return photo_crop(self.photos, self.outlines, side, rng)
+from dlama.training.losses.perceptual import LpipsLoss
+from dlama.writing.atomic_write import new_file
+from painter_crops import (
+    FIRST_HELD_OUT,
+    FIRST_WORLD,
+    hole_of_photo,
+    in_parallel,
+    outlines_of,
+    view_crop,
+    world_crop,
+    write_pack,
+)
+from painter_data import LARGE_SIDE, SIDE, Batch, Crops
+from painter_network import Generator, Run, Weights
 
 
-def tensor_of(planes: Sequence[np.ndarray]) -> Tensor:
-    """Crops H x W x C -> B x C x H x W, float32."""
-    stacked = torch.from_numpy(np.stack(planes).astype(np.float32))
-    return stacked.permute(0, 3, 1, 2)
+class Counts(NamedTuple):
+    """What a split has."""
+
+    outlines: int
+    """Photos whose objects' outlines are searched."""
+    holes: int
+    large_holes: int
+    worlds: int
+    views: int
+    """Of each file."""
+    view_files: int = 1
 
 
-def fill(generator: Generator, crop: Crop) -> UInt8Array:
-    """S x S x 3: the crop's truth with its hole as painted."""
-    with torch.no_grad():
-        out = generator.fill(tensor_of([crop.color]) / 255, tensor_of([crop.hole[..., None]]))[0]
-    painted = np.round(out.clamp(0, 1).permute(1, 2, 0).numpy() * 255)
-    return np.where(crop.counted[..., None], painted, crop.truth).astype(np.uint8)
+COUNTS = {"train": Counts(800, 7000, 3000, 400, 1250, 2), "held_out": Counts(200, 96, 48, 32, 100)}
+WARMING, CONSTANT, LAST_RATE = 200, 0.5, 0.03
+"""Steps in which the rate rises, the part of a run in which it is constant, and what a cosine leaves of it at the end."""
+KINDS, AT_ONCE, SHOWN, LOGGED_EVERY = ("photos", "large photos", "worlds", "views"), 8, 12, 20
 
 
-def errors(filled: UInt8Array, crop: Crop) -> tuple[float, float, float]:
-    """Mean absolute and squared error in levels, and LPIPS, where the truth of the hole is known."""
-    truth = crop.truth.astype(np.uint8)
-    off = (filled.astype(np.float32) - truth)[crop.counted]
-    distance = lpips_map(truth, filled, crop.counted)[crop.counted]
-    return float(np.abs(off).mean()), float(np.square(off).mean()), float(distance.mean())
+def pack(asked: argparse.Namespace) -> None:
+    """Once, for all runs; files that are there stay."""
+    asked.folder.mkdir(parents=True, exist_ok=True)
+    found = pictures_below(asked.photos)
+    textures = split_photos(found, "train")
+    for split, first in (("train", FIRST_WORLD), ("held_out", FIRST_HELD_OUT)):
+        pack_split(asked.folder / split, split_photos(found, split), textures, first)
 
 
-def measure(run: Run, held_out: dict[str, list[Crop]], sheet: Path) -> str:
-    """The errors of each kind of crops, and a picture of known, filled and true ones."""
-    rows, said = [], []
-    for kind, crops in held_out.items():
-        filled = [fill(run.averaged, crop) for crop in crops]
-        found = np.mean([errors(one, crop) for one, crop in zip(filled, crops)], 0)
-        said.append("{} {:.2f} {:.1f} {:.4f}".format(kind, *found))
-        for one, crop in list(zip(filled, crops))[::SHOWN_EVERY]:
-            shown = np.where(crop.hole[..., None], 0, crop.color), one, crop.truth
-            rows.append(np.hstack([cv2.resize(each, (SIDE, SIDE)) for each in shown]))
-    cv2.imwrite(str(sheet), np.vstack(rows)[..., ::-1].astype(np.uint8))
+def pack_split(folder: Path, photos: tuple[Path, ...], textures: tuple[Path, ...], first: int) -> None:
+    """The packs of one split. textures: of worlds, whose numbers begin at `first`."""
+    folder.mkdir(exist_ok=True)
+    counts = COUNTS[folder.name]
+    if not (path := folder / "photos.npz").exists():
+        write_pack(path, ({"photo": photo.read_bytes()} for photo in photos))
+    if not (path := folder / "holes.npz").exists():
+        write_holes(path, photos, counts)
+    if not (path := folder / "worlds.npz").exists():
+        crop = partial(world_crop, photos=textures, first=first)
+        write_pack(path, in_parallel(crop, range(counts.worlds)))
+    for number in range(counts.view_files):
+        if not (path := folder / f"views{number}.npz").exists():
+            crop = partial(view_crop, photos=photos, textures=textures, first=first)
+            write_pack(path, in_parallel(crop, range(number * counts.views, (number + 1) * counts.views)))
+
+
+def write_holes(path: Path, photos: tuple[Path, ...], counts: Counts) -> None:
+    """Holes of photos, of each size, packed to bits along their rows."""
+    rng = np.random.default_rng(len(photos))
+    outlines = outlines_of([photos[place] for place in rng.permutation(len(photos))[: counts.outlines]])
+    holes = {
+        str(side): np.packbits(np.stack([hole_of_photo(outlines, side, rng) for _ in range(count)]), axis=2)
+        for side, count in ((SIDE, counts.holes), (LARGE_SIDE, counts.large_holes))
+    }
+    with new_file(path) as draft, draft.open("wb") as stream:
+        np.savez_compressed(stream, **holes)
+
+
+@torch.no_grad()
+def measure(run: Run, held_out: Crops, sheets: Path | None = None) -> str:
+    """LPIPS and mean squared error in levels of each kind of crops; and pictures of known, filled and true ones."""
+    said = []
+    for kind in KINDS:
+        values = []
+        for batch in held_out.whole(kind, AT_ONCE):
+            filled = run.averaged.fill(batch).clamp(0, 1)
+            filled = torch.where(batch.counted > 0, filled, batch.truth)
+            if sheets is not None and not values:
+                write_sheet(sheets.with_name(f"{sheets.name}-{kind.replace(' ', '-')}.jpg"), batch, filled)
+            values.append(torch.stack([lpips_in(run.perceptual, filled, batch), squared_in(filled, batch)], 1))
+        lpips, squared = torch.cat(values).mean(0).tolist()
+        said.append(f"{kind} {lpips:.4f} {squared:.1f}")
     return "  ".join(said)
 
 
-def make_worlds(asked: argparse.Namespace) -> None:
-    """Once, for all runs."""
-    photos = split_photos(pictures_below(asked.photos), "train")
-    write_worlds(asked.folder / "worlds", WORLDS, photos)
-    write_views(asked.folder / "views", VIEWS, photos)
+def squared_in(filled: Tensor, batch: Batch) -> Tensor:
+    """B: mean squared error in the counted pixels, in levels."""
+    off = (255 * (filled - batch.truth)).square().mean(1, keepdim=True) * batch.counted
+    return off.sum((1, 2, 3)) / batch.counted.sum((1, 2, 3)).clamp_min(1)
+
+
+def lpips_in(network: LpipsLoss, filled: Tensor, batch: Batch) -> Tensor:
+    """B: LPIPS in the counted pixels."""
+    distance = torch.zeros_like(batch.counted)
+    for mine, true in zip(network.taps(filled), network.taps(batch.truth)):
+        layer = (mine - true).square().sum(1, keepdim=True)
+        distance += functional.interpolate(layer, distance.shape[2:], mode="bilinear")
+    return (distance * batch.counted).sum((1, 2, 3)) / batch.counted.sum((1, 2, 3)).clamp_min(1)
+
+
+def write_sheet(path: Path, batch: Batch, filled: Tensor) -> None:
+    """What is known, filled and true of the first crops."""
+    shown = torch.cat([batch.color * (1 - batch.hole), filled, batch.truth], 3)[:SHOWN]
+    picture = torch.cat(list(shown), 1).mul(255).round().byte().permute(1, 2, 0).cpu().numpy()
+    cv2.imwrite(str(path), np.ascontiguousarray(picture[..., ::-1]))
 
 
 def train(asked: argparse.Namespace) -> None:
-    """Learn for asked.minutes, measured in asked.looks parts."""
+    """Learn for asked.minutes, measured asked.looks times."""
     torch.manual_seed(asked.seed)
-    crops, run = Crops(asked.folder, asked.photos), Run(asked.start)
+    device, weights = torch.device(asked.device), Weights(**dict(asked.weight))
+    learnt, held_out = (Crops(asked.folder / split, device) for split in COUNTS)
+    run = Run(asked.start, device, weights, asked.guided)
     asked.output.mkdir(parents=True, exist_ok=True)
     state = asked.output / "state.pt"
     if asked.resume:
         run.load(state)
     rng = np.random.default_rng([asked.seed, run.step])
-    print(f"step {run.step}: {measure(run, crops.held_out, asked.output / 'start.png')}", flush=True)
-    batches = crops.batches(rng)
-    for _ in range(asked.looks):
-        started, losses = time.monotonic(), []
-        while time.monotonic() - started < 60 * asked.minutes / asked.looks:
-            losses.append(run.learn(next(batches), rng))
-        run.save(state)
-        found = measure(run, crops.held_out, asked.output / f"{run.step:06}.png")
-        print(f"step {run.step}: {np.mean(losses, 0).round(4)} {found}", flush=True)
+    print(f"step {run.step}: {measure(run, held_out, asked.output / 'start')}", flush=True)
+    started, first, losses, look = time.monotonic(), run.step, [], 1
+    while (done := (time.monotonic() - started) / (60 * asked.minutes)) < 1:
+        falling = max(0.0, (done - CONSTANT) / (1 - CONSTANT))
+        rate = LAST_RATE + (1 - LAST_RATE) * (1 + math.cos(math.pi * falling)) / 2
+        run.set_rate(rate * min(1, (1 + run.step - first) / WARMING))
+        loss = run.learn(learnt.draw(asked.batch, rng), rng)
+        if run.step % LOGGED_EVERY == 0:
+            losses.append(loss.cpu().numpy())
+        if done > look / asked.looks:
+            run.save(state)
+            mean_loss = np.mean(losses, 0).round(4) if losses else ""
+            print(f"step {run.step}: {mean_loss} {measure(run, held_out)}", flush=True)
+            losses, look = [], look + 1
+    run.save(state)
+    print(f"step {run.step}: {measure(run, held_out, asked.output / f'{run.step:06}')}", flush=True)
 
 
 def export(asked: argparse.Namespace) -> None:
     """The running mean as a file like that of --start."""
-    run = Run(asked.start)
+    run = Run(asked.start, torch.device("cpu"), Weights(), asked.guided)
     run.load(asked.run / "state.pt")
     run.averaged.write(asked.start, asked.output)
 
@@ -158,20 +190,31 @@ def mean(asked: argparse.Namespace) -> None:
     first.write(asked.files[0], asked.output)
 
 
+def weight(text: str) -> tuple[str, float]:
+    """NAME=VALUE, of `Weights`."""
+    name, _, value = text.partition("=")
+    if name not in Weights._fields:
+        raise argparse.ArgumentTypeError(f"{text!r}: NAME=VALUE is expected, NAME of {', '.join(Weights._fields)}")
+    return name, float(value)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     verbs = parser.add_subparsers(required=True)
-    one = verbs.add_parser("worlds")
+    one = verbs.add_parser("pack")
     one.add_argument("folder", type=Path)
     one.add_argument("--photos", type=Path, required=True)
-    one.set_defaults(do=make_worlds)
+    one.set_defaults(do=pack)
     two = verbs.add_parser("train")
-    two.add_argument("folder", type=Path, help="of worlds")
-    two.add_argument("--photos", type=Path, required=True)
+    two.add_argument("folder", type=Path, help="of packs")
     two.add_argument("--start", type=Path, required=True)
     two.add_argument("-o", "--output", type=Path, required=True)
     two.add_argument("--minutes", type=float, default=60)
     two.add_argument("--looks", type=int, default=6)
+    two.add_argument("--batch", type=int, default=4, help="small crops of a step")
+    two.add_argument("--device", default="cpu")
+    two.add_argument("--weight", type=weight, nargs="*", default=[], help="NAME=VALUE of a term of the loss")
+    two.add_argument("--guided", action="store_true")
     two.add_argument("--seed", type=int, default=0)
     two.add_argument("--resume", action="store_true")
     two.set_defaults(do=train)
@@ -179,6 +222,7 @@ def main() -> None:
     three.add_argument("run", type=Path)
     three.add_argument("--start", type=Path, required=True)
     three.add_argument("-o", "--output", type=Path, required=True)
+    three.add_argument("--guided", action="store_true")
     three.set_defaults(do=export)
     four = verbs.add_parser("mean")
     four.add_argument("files", type=Path, nargs=2)

@@ -1,67 +1,184 @@
-"""Photos and worlds in -> pictures with a hole, and what belongs there, for tuning the painter (`painter`), out.
+"""Photos and worlds in -> packs of pictures with holes, and what belongs there, for tuning the painter (`painter`), out.
 
 Photos get holes of the outlines of other photos' salient objects, or a strip beside one, as a moved camera uncovers, or what a
 turned camera does not see; the truth is the photo. Worlds get an object removed; the truth is the world without it. Views are of
-photos and worlds from another place, as small as a painter sees them. Depth of worlds and views is painted, too, in grey.
+photos and worlds from another place, as small as a painter sees them, with what is known of the hole: its guides.
+
+A pack is one file of compressed pictures, at most 60 MB, so that it can be sent to a computer with a GPU.
 """
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from dlama.errors import DlamaError, MaskError
+from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import box_around, dilate_square, shrink_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
-from dlama.inpainters.layered.depth_first import find_occluders
+from dlama.inpainters.layered.depth_first import hide_from_painter
+from dlama.inpainters.layered.filler import paint_surfaces
 from dlama.perception.masks.salient import saliency
-from dlama.training.data.photos import read_photo, square_crop
+from dlama.training.data.photos import read_photo
 from dlama.training.data.samples.world_views import WorldSet
 from dlama.writing.atomic_write import new_file
 from view_tasks import FillTask, photo_task, pipeline_tasks
-from world_cases import world_case
+from world_cases import as_seen, world_case
 
 WORLD_SIDE, STORED_SIDE, AROUND = 512, 384, 60
 """Pixels of a world's picture, and of the square of it that is kept; their middles are at most so far apart."""
 VIEW_SIDE = 256
 """Pixels of a view."""
-FIRST_WORLD, MANY = 50_000, 20_000
-OF_PHOTOS, TURNED, GREY = 0.6, 0.3, 0.25
-"""Shares of views that are of photos, of photos' holes that a turned camera leaves, of stored crops that show depth."""
+FIRST_WORLD, FIRST_HELD_OUT, MANY = 50_000, 90_000, 20_000
+OF_PHOTOS, VIEW_SENSORS = 0.45, ("exact", "exact", "exact", "kinect", "matcher")
+"""Share of views that are of photos; what sees the worlds of the others."""
 VIEW_SHARES, FOV_DEG, TURN_DEG = (0.02, 0.6), (50, 80), (40, 12)
 """Hole of a view, in pictures; degrees of a turned camera's field of view, and by which it turns aside and up at most."""
-FARTHEST = 0.05
-"""Inverse depth, of the nearest one's, that is white in a grey picture of metres."""
 OUTLINE_SHARES, HOLE_SHARES = (0.02, 0.6), (0.01, 0.4)
 """Of a photo, that an object covers whose outline is kept; of a crop."""
 LONGER_SIDES = 0.12, 0.75
 """Of an outline in a crop, in sides of the crop."""
-TWO, STRIPS, WHOLE = 0.3, 0.2, 0.4
-"""Shares of holes of two outlines, of outlines that become strips, of worlds that are made smaller rather than cut."""
-PHOTO_GROWTH, WORLD_GROWTH = (1, 7), (3, 12)
+TURNED, TWO, STRIPS = 0.15, 0.3, 0.2
+"""Shares of holes that a turned camera leaves, of holes of two outlines, of outlines that become strips."""
+GROWTH = 1, 7
 """Sides in pixels, the last one excluded, of squares that holes are dilated by."""
-BRIGHTER, TINTED = (0.75, 1.2), (0.93, 1.07)
-"""Factors on all channels and on each."""
+NEAREST_QUANTILE = 0.98
+"""Of inverse depth, that is white in the guide."""
+QUALITY = 82
+"""Of stored pictures (WebP)."""
+
+Planes = dict[str, UInt8Array]
+"""Names and H x W or H x W x 3 pictures of a crop."""
 
 
-class Crop(NamedTuple):
-    """A square picture with a hole."""
+def write_pack(path: Path, entries: Iterable[dict[str, bytes]]) -> None:
+    """A file of `painter_data.read_pack`: for each crop its pictures as compressed files. OutputError."""
+    named = [(f"{number}/{name}", blob) for number, entry in enumerate(entries) for name, blob in entry.items()]
+    names, blobs = zip(*named)
+    ends = np.cumsum([0, *map(len, blobs)])
+    with new_file(path) as draft, draft.open("wb") as stream:
+        np.savez(stream, names=np.array(names), ends=ends, data=np.frombuffer(b"".join(blobs), np.uint8))
 
-    color: Float32Array
-    """S x S x 3 RGB, 0..255; what it shows in the hole counts for nothing."""
-    truth: Float32Array
-    """The same as it is without what the hole hides."""
-    hole: BoolArray
-    """S x S, what is painted."""
-    counted: BoolArray
-    """S x S, the part of the hole whose truth is known: not what is hidden from the painter only."""
+
+def compressed(planes: Planes) -> dict[str, bytes]:
+    """Pictures of three channels as WebP, others, and `flags`, as PNG. The order of channels stays."""
+    found = {}
+    for name, plane in planes.items():
+        lossy = plane.ndim == 3 and name != "flags"
+        kind, how = (".webp", [cv2.IMWRITE_WEBP_QUALITY, QUALITY]) if lossy else (".png", [])
+        found[name] = cv2.imencode(kind, plane, how)[1].tobytes()
+    return found
+
+
+def in_parallel(make: Callable[[int], Planes], numbers: Iterable[int]) -> list[dict[str, bytes]]:
+    """The compressed crops of these numbers, made on all cores."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # crops are made side by side
+    with ProcessPoolExecutor() as pool:
+        return list(pool.map(partial(_compressed_crop, make), numbers, chunksize=8))
+
+
+def _compressed_crop(make: Callable[[int], Planes], number: int) -> dict[str, bytes]:
+    cv2.setNumThreads(1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return compressed(make(number))
+
+
+def world_crop(number: int, photos: Sequence[Path], first: int) -> Planes:
+    """A square of a world with an object (color) and without it (truth), and the object's mask; every other world has photos as
+    textures."""
+    rng = np.random.default_rng([number, 17])
+    case = world_case(
+        first + number, "removal", "exact", WorldSet("train", WORLD_SIDE, tuple(photos) if number % 2 else ())
+    )
+    rows, columns = box_around(case.mask, 0)
+    top, left = (
+        int(np.clip((side.start + side.stop - STORED_SIDE) // 2 + off, 0, WORLD_SIDE - STORED_SIDE))
+        for side, off in zip((rows, columns), rng.integers(-AROUND, AROUND + 1, 2))
+    )
+    box = np.s_[top : top + STORED_SIDE, left : left + STORED_SIDE]
+    return {
+        "color": case.source.color[box], "truth": case.without.color[box], "mask": np.uint8(255) * case.mask[box],
+    }  # fmt: skip
+
+
+def view_crop(number: int, photos: Sequence[Path], textures: Sequence[Path], first: int) -> Planes:
+    """A view of a photo or of a world (photos as textures in every other one), VIEW_SIDE pixels wide, as `planes_of_view`."""
+    rng = np.random.default_rng([first, number, 11])
+    while True:
+        worlds = WorldSet("train", WORLD_SIDE, tuple(textures) if rng.random() < 0.5 else ())
+        try:
+            tasks = draw_tasks(photos, worlds, first, rng)
+            good = tasks and VIEW_SHARES[0] < tasks[0].view.color_hole.mean() < VIEW_SHARES[1]
+            if good and tasks[0].view.valid.any():
+                return planes_of_view(tasks[0])
+        except DlamaError:  # a photo of which no depth is estimated
+            continue
+
+
+def draw_tasks(photos: Sequence[Path], worlds: WorldSet, first: int, rng: np.random.Generator) -> list[FillTask]:
+    """A photo from another place and back, or a world from another place."""
+    if rng.random() < OF_PHOTOS:
+        return [photo_task(photos[int(rng.integers(len(photos)))], WORLD_SIDE, rng)]
+    views = worlds.views((first + int(rng.integers(MANY))) * worlds.group_size)
+    if not views.pairs:
+        return []
+    source, target = views.pairs[0]
+    frame = as_seen(views.frame(source), str(rng.choice(VIEW_SENSORS)), rng)
+    return pipeline_tasks(frame, views.cameras[target], (views.frame(target),))
+
+
+def planes_of_view(task: FillTask) -> Planes:
+    """What a painter sees of a view, small: `color`, and in `flags` the share of each pixel that is hidden from it (0 or 255),
+    that is open, and that lies out of view; the truth; and the guides: `surface`, the colours of the surfaces that continue, and
+    `near`, the root of their inverse depth."""
+    view, law, size = task.view, task.context.law, (VIEW_SIDE, VIEW_SIDE)
+    surfaces, depth, _ = continue_lawfully(view, task.context, 0)
+    hidden, _ = hide_from_painter(view, surfaces, depth, law, coarsely=True)
+    painted = paint_surfaces(view, surfaces, task.context, 0, detail=not law.misplaced_edges)
+    holes, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
+    painted = blend_with_low_frequency(view, painted, holes, w, surfaces.label)
+    seen, share = shrink_known(view.color, ~hidden, size)
+    open_, unseen = (levels(small(one.astype(np.float32), size)) for one in (view.color_hole, out_of_view(view)))
+    return {
+        "color": np.clip(np.round(seen), 0, 255).astype(np.uint8),
+        "flags": np.stack([np.uint8(255) * (share < 0.5), open_, unseen], 2),
+        "truth": small(task.truth.color, size),
+        "surface": small(painted, size),
+        "near": levels(np.sqrt(small(nearness(np.where(view.hole, depth, view.depth)), size))),
+    }
+
+
+def nearness(depth: Float32Array) -> Float32Array:
+    """Inverse depth, 1 = what NEAREST_QUANTILE of the pixels that are not far do not exceed, at most 1. depth: H x W metres."""
+    w = inverse_depth(depth)
+    return np.minimum(w / np.quantile(w[w > 0], NEAREST_QUANTILE), 1).astype(np.float32) if w.any() else w
+
+
+def out_of_view(view: View) -> BoolArray:
+    """H x W, True in colour holes that the source's camera did not see."""
+    return view.color_hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
+
+
+def small(plane: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """A plane at a size (width, height), averaged."""
+    return cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
+
+
+def levels(plane: np.ndarray) -> UInt8Array:
+    """0..1 as 0..255."""
+    return np.round(255 * np.clip(plane, 0, 1)).astype(np.uint8)
 
 
 def outlines_of(photos: Sequence[Path]) -> list[BoolArray]:
@@ -81,93 +198,17 @@ def outlines_of(photos: Sequence[Path]) -> list[BoolArray]:
     return found
 
 
-def write_worlds(folder: Path, count: int, photos: Sequence[Path]) -> None:
-    """Squares of worlds with an object and without it, and its mask; every other world has photos as textures. OutputError."""
-    folder.mkdir(parents=True, exist_ok=True)
-    rng, sets = np.random.default_rng(1), [WorldSet("train", WORLD_SIDE, tuple(photos)), WorldSet("train", WORLD_SIDE)]
-    for number in range(count):
-        case = world_case(FIRST_WORLD + number, "removal", "exact", sets[number % 2])
-        rows, columns = box_around(case.mask, 0)
-        top, left = (
-            int(np.clip((side.start + side.stop - STORED_SIDE) // 2 + off, 0, WORLD_SIDE - STORED_SIDE))
-            for side, off in zip((rows, columns), rng.integers(-AROUND, AROUND + 1, 2))
-        )
-        box = np.s_[top : top + STORED_SIDE, left : left + STORED_SIDE]
-        mask, scale = case.mask[box], inverse_depth(case.source.depth).max()
-        planes = {"color": case.source.color[box], "truth": case.without.color[box], "hole": mask, "counted": mask}
-        near = {"near": case.source.depth, "true_near": case.without.depth}
-        planes |= {name: (inverse_depth(depth[box]) / scale).astype(np.float16) for name, depth in near.items()}
-        write_planes(folder / f"{number:04}.npz", planes)
-
-
-def write_views(folder: Path, count: int, photos: Sequence[Path], first: int = 0, step: int = 1) -> None:
-    """Views of photos and of worlds as a painter sees them, VIEW_SIDE pixels wide. OutputError."""
-    folder.mkdir(parents=True, exist_ok=True)
-    sets = [WorldSet("train", WORLD_SIDE, tuple(photos)), WorldSet("train", WORLD_SIDE)]
-    for number in range(first, count, step):
-        rng = np.random.default_rng([number, 3])
-        while True:
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    tasks = draw_tasks(photos, sets[int(rng.integers(2))], rng)
-            except DlamaError:  # a photo of which no depth is estimated
-                continue
-            if (
-                tasks
-                and VIEW_SHARES[0] < tasks[0].view.color_hole.mean() < VIEW_SHARES[1]
-                and tasks[0].view.valid.any()
-            ):
-                write_planes(folder / f"{number:04}.npz", planes_of_view(tasks[0]))
-                break
-
-
-def draw_tasks(photos: Sequence[Path], worlds: WorldSet, rng: np.random.Generator) -> list[FillTask]:
-    """A photo from another place and back, or a world from another place."""
-    if rng.random() < OF_PHOTOS:
-        return [photo_task(photos[int(rng.integers(len(photos)))], WORLD_SIDE, rng)]
-    views = worlds.views((FIRST_WORLD + int(rng.integers(MANY))) * worlds.group_size)
-    if not views.pairs:
-        return []
-    source, target = views.pairs[0]
-    return pipeline_tasks(views.frame(source), views.cameras[target], (views.frame(target),))
-
-
-def planes_of_view(task: FillTask) -> dict[str, np.ndarray]:
-    """What a painter sees of a view, small, and the truth."""
-    view, size = task.view, (VIEW_SIDE, VIEW_SIDE)
-    surfaces, depth, _ = continue_lawfully(view, task.context, 0)
-    hidden = view.color_hole | find_occluders(view, surfaces, depth, task.context.law)
-    color, share = shrink_known(view.color, ~hidden, size)
-    hole, scale = share < 0.5, inverse_depth(view.known_depth).max()
-    near, true_near = (inverse_depth(each) / scale for each in (view.known_depth, task.truth.depth))
-    _, hole_share = shrink_known(near, view.color_hole, size)
-    return {
-        "color": np.clip(np.round(color), 0, 255).astype(np.uint8),
-        "truth": cv2.resize(task.truth.color, size, interpolation=cv2.INTER_AREA),
-        "hole": hole,
-        "counted": hole & (hole_share > 0),
-        "near": shrink_known(near, ~hidden, size)[0][..., 0].astype(np.float16),
-        "true_near": cv2.resize(np.minimum(true_near, 2), size, interpolation=cv2.INTER_AREA).astype(np.float16),
-    }
-
-
-def write_planes(path: Path, planes: dict[str, np.ndarray]) -> None:
-    """A file of `stored_crop`. OutputError."""
-    with new_file(path) as draft, draft.open("wb") as stream:
-        np.savez(stream, **planes)
-
-
-def photo_crop(photos: Sequence[Path], outlines: Sequence[BoolArray], side: int, rng: np.random.Generator) -> Crop:
-    """A square of a photo that is at least so large."""
+def hole_of_photo(outlines: Sequence[BoolArray], side: int, rng: np.random.Generator) -> BoolArray:
+    """side x side: what a removed object, or a turned camera, leaves of a photo."""
+    if rng.random() < TURNED:
+        return unseen_when_turned(side, rng)
     while True:
-        picture = read_photo(photos[int(rng.integers(len(photos)))])
-        if min(picture.shape[:2]) >= side:
-            turned = rng.random() < TURNED
-            square = square_crop(picture, min(picture.shape[:2]) if turned else side, rng)
-            color = vary_light(cv2.resize(square, (side, side), interpolation=cv2.INTER_AREA), rng)
-            hole = unseen_when_turned(side, rng) if turned else random_hole(outlines, side, rng)
-            return Crop(color, color, hole, hole)
+        hole = np.zeros((side, side), np.uint8)
+        for _ in range(2 if rng.random() < TWO else 1):
+            put_outline(hole, outlines[int(rng.integers(len(outlines)))], rng)
+        grown = dilate_square(hole, int(rng.integers(*GROWTH)))
+        if HOLE_SHARES[0] < grown.mean() < HOLE_SHARES[1]:
+            return grown
 
 
 def unseen_when_turned(side: int, rng: np.random.Generator) -> BoolArray:
@@ -182,49 +223,6 @@ def unseen_when_turned(side: int, rng: np.random.Generator) -> BoolArray:
         hole = (z <= 0) | (np.maximum(np.abs(x), np.abs(y)) > slope * z)
         if VIEW_SHARES[0] < hole.mean() < VIEW_SHARES[1]:
             return hole
-
-
-def stored_crop(files: Sequence[Path], side: int, rng: np.random.Generator) -> Crop:
-    """A square of a world of `write_worlds` or of a view of `write_views`: its colours, or its depth as a grey picture."""
-    while True:
-        with np.load(files[int(rng.integers(len(files)))]) as stored:
-            grey = rng.random() < GREY
-            pictures = [grey_picture(stored[name], rng) for name in ("near", "true_near")] if grey else []
-            pictures = pictures or [stored["color"], stored["truth"]]
-            masks = [stored[name].astype(np.uint8) for name in ("hole", "counted")]
-        of_world = len(masks[0]) == STORED_SIDE
-        if side < len(masks[0]) and rng.random() < WHOLE:
-            pictures = [cv2.resize(one, (side, side), interpolation=cv2.INTER_AREA) for one in pictures]
-            masks = [cv2.resize(one, (side, side), interpolation=cv2.INTER_NEAREST) for one in masks]
-        top, left = rng.integers(0, len(masks[0]) - side + 1, 2)
-        box = np.s_[top : top + side, left : left + side]
-        if of_world:
-            masks = [dilate_randomly(masks[0], WORLD_GROWTH, rng)] * 2
-        hole, counted = (one[box] > 0 for one in masks)
-        if counted.any() and (not of_world or HOLE_SHARES[0] < counted.mean() < HOLE_SHARES[1]):
-            gain = np.float32(1 if grey else rng.uniform(*BRIGHTER))
-            return Crop(*(np.minimum(one[box] * gain, 255).astype(np.float32) for one in pictures), hole, counted)
-
-
-def grey_picture(near: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """S x S x 3: inverse depth (1 = the nearest) as grey levels: white near, or, as in the paper, white far."""
-    near = near.astype(np.float32)
-    if rng.random() < 0.5:
-        grey = np.minimum(near, 1)
-    else:
-        grey = np.minimum(FARTHEST / np.maximum(near, FARTHEST), 1)
-    return np.repeat(np.round(255 * grey)[..., None], 3, 2)
-
-
-def random_hole(outlines: Sequence[BoolArray], side: int, rng: np.random.Generator) -> BoolArray:
-    """side x side: one outline or two, of random size and place."""
-    while True:
-        hole = np.zeros((side, side), np.uint8)
-        for _ in range(2 if rng.random() < TWO else 1):
-            put_outline(hole, outlines[int(rng.integers(len(outlines)))], rng)
-        grown = dilate_randomly(hole, PHOTO_GROWTH, rng)
-        if HOLE_SHARES[0] < grown.mean() < HOLE_SHARES[1]:
-            return grown
 
 
 def put_outline(hole: UInt8Array, outline: BoolArray, rng: np.random.Generator) -> None:
@@ -244,14 +242,3 @@ def put_outline(hole: UInt8Array, outline: BoolArray, rng: np.random.Generator) 
     inside = np.s_[max(row, 0) : row + height, max(column, 0) : column + width]
     part = hole[inside]
     part |= shape[max(-row, 0) :, max(-column, 0) :][: part.shape[0], : part.shape[1]]
-
-
-def dilate_randomly(hole: UInt8Array, sides: tuple[int, int], rng: np.random.Generator) -> BoolArray:
-    """A hole dilated by a square."""
-    side = int(rng.integers(*sides))
-    return dilate_square(np.ascontiguousarray(hole), side)
-
-
-def vary_light(picture: UInt8Array, rng: np.random.Generator) -> Float32Array:
-    """A picture in other light."""
-    return np.clip(picture * np.float32(rng.uniform(*BRIGHTER) * rng.uniform(*TINTED, 3)), 0, 255).astype(np.float32)
