@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_around, shrink_known, smaller_size
+from dlama.geometry.holes import box_around, gaussian_mean, shrink_known, smaller_size
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.inpainters.filling import Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
@@ -78,7 +78,7 @@ def blend_with_guess(
             smooth = spread_small(small, known >= 0.5)
         share = weigh_guess(first, second, smooth)
     if spread is not None:
-        mean = blur_within(spread[box], there) ** 2
+        mean = gaussian_mean(spread[box], there, BLEND_PX, 1e-3) ** 2
         share *= cv2.resize(mean / (mean + AGREE**2), size, interpolation=cv2.INTER_AREA)
     step = (second - first) * share[..., None]
     out = painted.copy()
@@ -101,12 +101,6 @@ def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:
     """A picture at a size (width, height) that is no larger than its own."""
     planes = (np.ascontiguousarray(picture[..., k], np.float32) for k in range(3))
     return np.stack([cv2.resize(plane, wh, interpolation=cv2.INTER_AREA) for plane in planes], 2)
-
-
-def blur_within(values: Float32Array, where: BoolArray) -> Float32Array:
-    """H x W: sums of the values under a Gaussian of BLEND_PX, over those of `where` (H x W)."""
-    sums, weight = (cv2.GaussianBlur(one, (0, 0), BLEND_PX) for one in (values, where.astype(np.float32)))
-    return np.asarray(sums / np.maximum(weight, np.float32(1e-3)), np.float32)
 
 
 def blurred_difference(first: Float32Array, second: Float32Array) -> Float32Array:
