@@ -79,6 +79,9 @@ def test_a_box_round_the_object(scene: tuple[RGBD, np.ndarray]) -> None:
     color = np.where(true[..., None], np.uint8([70, 130, 90]), np.uint8(160))
     holed = RGBD(color, np.where(true, np.float32(0), rgbd.depth), CAMERA)
     assert iou(find_mask(holed, box=box_round(true, 2)).mask, true) > 0.9
+    row, column = np.argwhere(true)[0]
+    trimmed = find_mask(rgbd, box=box_round(true, 2), not_clicks=[(int(column), int(row))]).mask
+    assert not trimmed[row, column] and iou(trimmed, true) > 0.6, "a negative click on the object takes a part of it"
 
 
 LEAVES = Box((-0.9, -0.4, 2.6), (-0.02, 1.0, 2.65)), Box((0.02, -0.4, 2.6), (0.9, 1.0, 2.65))

@@ -72,23 +72,35 @@ class Masker:
         raise refused
 
     def masks_in_box(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """What is found in the box, and at a click on it or amid the network's mask: the mask that the network of corrections
-        agrees with most, or its own, as `object`, and the others. MaskError: the box holds nothing."""
-        network = NetworkMask.in_box(self.rgbd, prompt)
-        prompts = [Prompt(prompt.hw, box=prompt.box)]
-        if network.own.any():
-            row, column = innermost_pixel(network.own)
-            prompts.append(of_click(prompt, (*prompt.clicks, (column, row))[0]))
+        """The masks of a box. Objects of negative clicks are none of it, unless nothing else is in it. MaskError: it holds
+        nothing."""
+        network, others = NetworkMask.in_box(self.rgbd, prompt), np.zeros(prompt.hw, np.bool_)
+        for click in prompt.not_clicks:
+            others |= self.object_alone(of_click(prompt, click))
+        found = self.masks_apart_from(others, network, prompt)
+        if not found and others.any():
+            found = self.masks_apart_from(np.zeros_like(others), network, prompt)
+        if not found:
+            raise MaskError("box holds nothing that stands apart; a box round an object is expected, or clicks on it")
+        return found
+
+    def masks_apart_from(self, others: BoolArray, network: NetworkMask, prompt: Prompt) -> dict[str, BoolArray]:
+        """What is found in the box without `others` (H x W), and at the prompt's first click or amid the network's mask, or amid
+        all that is left: the mask that the network agrees with most, or its own, as `object`, and the others; none where there is
+        neither."""
+        free = prompt.inside & ~others
+        network = NetworkMask(np.where(free, network.probability, np.float32(0)), network.reach)
+        amid, prompts = network.own if network.own.any() else free, [Prompt(prompt.hw, box=prompt.box)]
+        if network.own.any() or (others.any() and free.any()):
+            prompts.append(of_click(prompt, (*prompt.clicks, innermost_pixel(amid)[::-1])[0]))
         found = list[BoolArray]()
         for one in prompts:
             with contextlib.suppress(MaskError):
-                found += [mask & prompt.inside for mask in self.find(one)]
+                found += [mask & free for mask in self.find(one)]
             rated = network.rate(found)
             if rated and rated[0][0] >= 0.9 * network.own_iou:  # a click amid it takes time
                 break
-        if not (found or network.own.any()):
-            raise MaskError("box holds nothing that stands apart; a box round an object is expected, or clicks on it")
-        return self.choose(rated, network, prompt)
+        return self.choose(rated, network, prompt) if found or network.own.any() else {}
 
     def choose(
         self, rated: list[tuple[float, BoolArray]], network: NetworkMask, prompt: Prompt

@@ -7,7 +7,6 @@ border (`borders`). `choice` takes one of these masks.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,10 +122,10 @@ def find_touching(pieces: Pieces, target: BoolArray, gap: float) -> list[int]:
 
 
 def rgbd_candidates(measured: Measured, prompt: Prompt) -> list[BoolArray]:
-    """H x W masks that differ: of a click the object, the piece at it and a group of objects. MaskError where no object is found:
-    on sky, ground, missing depth."""
+    """H x W masks that differ: of a click the object, the piece at it and a group of objects; none of a box. MaskError where no
+    object is found: on sky, ground, missing depth."""
     if not prompt.clicks:
-        return segment_box(measured, prompt)
+        return []
     support = find_supports_at(measured, prompt.on[0])
     with_stand = pieces = find_pieces(measured, support)
     seed = snap_to_piece(pieces, prompt.on[0])
@@ -205,28 +204,6 @@ def finish_mask(measured: Measured, mask: BoolArray) -> BoolArray:
     rgbd, offset = measured.rgbd, measured.edge_offset
     unknown = rgbd.missing & dilate_mask(mask, 12)  # px by which it may grow into missing depth
     return snap_to_picture_edges(rgbd, mask, offset + 1 if offset else 0, unknown)
-
-
-def segment_box(measured: Measured, prompt: Prompt) -> list[BoolArray]:
-    """The object in a box: pieces that lie inside it to seven tenths and connect to the largest of them."""
-    inside = prompt.inside
-    pieces = find_pieces(measured, find_supports(measured.planes, box=inside))
-    label = np.where(pieces.free, pieces.label, 0).ravel()
-    sizes = np.bincount(label[pieces.free.ravel()], minlength=label.size)
-    held = np.bincount(label[(pieces.free & inside).ravel()], minlength=label.size)
-    whole = (held >= 0.7 * np.maximum(sizes, 1)) & (held > 0)
-    if not held.any():
-        raise MaskError(
-            "box holds nothing that stands apart in depth; a box round an object is expected, or clicks on it"
-        )
-    usable = np.where(whole, held, 0) if held[whole].max(initial=0) >= 0.1 * held.max() else held
-    main = int(usable.argmax())
-    kept = pieces.free & inside & (whole[pieces.label] | (pieces.label == main))
-    cropped = dataclasses.replace(pieces, free=kept)
-    start = kept & (pieces.label == main)
-    return drop_duplicates(
-        [finish_mask(measured, merge_pieces(cropped, start, gap) & inside) for gap in (GROUP_GAP, 0.0)]
-    )
 
 
 def drop_duplicates(masks: list[BoolArray]) -> list[BoolArray]:

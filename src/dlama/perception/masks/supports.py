@@ -42,10 +42,9 @@ class Planes:
         a, b, c = self.planes[number]
         return float(a * (column + 0.5) + b * (row + 0.5) + c)
 
-    def share(self, number: int, where: BoolArray | None = None) -> float:
-        """Share of the picture on plane `number`; with `where`, the share of the plane's pixels in it."""
-        there = self.label == number + 1
-        return float(there.mean()) if where is None else float(where[there].mean()) if there.any() else 0.0
+    def share(self, number: int) -> float:
+        """Share of the picture on plane `number`."""
+        return float((self.label == number + 1).mean())
 
 
 def find_planes_of_picture(rgbd: RGBD) -> Planes:
@@ -72,14 +71,12 @@ def behind_share(
     return float(np.mean((1.015 * here < value) & (here + NOISY * noise < value)))
 
 
-def find_supports(found: Planes, seed: tuple[int, int] | None = None, box: BoolArray | None = None) -> BoolArray:
-    """H x W, True on the planes that support the object at `seed` (row, column) or in a box (H x W). A plane with most of its
-    pixels in the box belongs to the object."""
+def find_supports(found: Planes, seed: tuple[int, int] | None = None) -> BoolArray:
+    """H x W, True on the planes that support the object at `seed` (row, column)."""
     chosen = [
         found.share(n) >= SMALLEST_SUPPORT
         and (seed is None or found.label[seed] != n + 1)
         and found.behind[n] <= LITTLE_BEHIND
-        and (box is None or found.share(n, box) <= 0.6)
         for n in range(len(found.planes))
     ]
     return np.asarray(np.array([False, *chosen])[np.maximum(found.label, 0)])
