@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
+import weakref
 
 import numpy as np
 import pytest
@@ -142,6 +144,24 @@ def test_points_of_a_view_and_of_its_cloud_are_the_same_picture() -> None:
     np.testing.assert_allclose(of_cloud.depth[known], of_grid.depth[known], rtol=1e-6)
     np.testing.assert_array_equal(of_cloud.color[known], of_grid.color[known])
     np.testing.assert_array_equal(of_cloud.origin[known], Origin.REPROJECTED)
+
+
+def test_a_picture_that_is_drawn_again_is_prepared_once_and_let_go_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: its View, drawn bit for bit alike. One View is made of it, and nothing holds it after it."""
+    camera = Camera.from_fov(64, 48, 60)
+    rgbd = World((Plane((0, 1, 0), (0, -1, 0)), Sphere((0, 0, 3), 0.4))).rgbd(camera)
+    elsewhere, made, begin = moved(camera, (0.2, 0, 0)), list[View](), View.from_rgbd
+    expected = render(begin(rgbd), elsewhere)
+    monkeypatch.setattr(View, "from_rgbd", lambda one: made.append(begin(one)) or made[-1])
+    for _ in range(2):
+        found = render(rgbd, elsewhere)
+        np.testing.assert_array_equal(found.color, expected.color)
+        np.testing.assert_array_equal(found.hole_type, expected.hole_type)
+    kept = weakref.ref(made.pop())
+    assert not made and kept() is not None
+    del rgbd
+    gc.collect()
+    assert kept() is None
 
 
 def test_what_is_no_mode_is_refused() -> None:

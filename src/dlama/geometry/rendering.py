@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -68,6 +69,9 @@ MOST_AT_ONCE = 2
 RANK_OF_TYPE = np.array([0, 5, 1, 3, 0, 2, 4], np.uint8)
 """Rank of each HoleType."""
 
+_views: WeakKeyDictionary[RGBD, View] = WeakKeyDictionary()
+"""Pictures that were rendered -> their View."""
+
 
 def render(
     source: RGBD | View | Scene | PointCloud,
@@ -100,7 +104,7 @@ def render(
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
     if isinstance(source, RGBD):
-        source = View.from_rgbd(source)
+        source = view_of(source)
     scene = Scene((source,)) if isinstance(source, View) else source
     if not scene.fills and (own := share_own_view(scene, camera, types)) is not None:
         return own
@@ -108,6 +112,13 @@ def render(
     if close and mode == "surface" and scene.fills and not any(fill.has_open_holes for fill in scene.fills):
         close_gaps(drawn.canvas)
     return drawn.view(camera, hole_types(drawn, scene.removals) if types else None)
+
+
+def view_of(rgbd: RGBD) -> View:
+    """The picture as a View, the same one for as long as the picture is alive: what drawing asks of it is found once."""
+    if rgbd not in _views:
+        _views[rgbd] = View.from_rgbd(rgbd)
+    return _views[rgbd]
 
 
 def render_measured(measured: Scene, scene: Scene, camera: Camera, mode: Mode, footprint: bool) -> View:
