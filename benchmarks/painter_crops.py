@@ -20,15 +20,14 @@ import cv2
 import numpy as np
 
 from dlama.errors import DlamaError, MaskError
-from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import box_around, dilate_square, shrink_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import View
-from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, unseen_colors
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import hide_from_painter
 from dlama.inpainters.layered.filler import paint_surfaces
+from dlama.inpainters.networks.view_tensors import levels_of
 from dlama.perception.masks.salient import saliency
 from dlama.training.data.photos import read_photo
 from dlama.training.data.samples.world_views import WorldSet
@@ -150,13 +149,13 @@ def planes_of_view(task: FillTask) -> Planes:
     holes, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     painted = blend_with_low_frequency(view, painted, holes, w, surfaces.label)
     seen, share = shrink_known(view.color, ~hidden, size)
-    open_, unseen = (levels(small(one.astype(np.float32), size)) for one in (view.color_hole, out_of_view(view)))
+    open_, unseen = (levels_of(small(one.astype(np.float32), size)) for one in (view.color_hole, unseen_colors(view)))
     return {
         "color": np.clip(np.round(seen), 0, 255).astype(np.uint8),
         "flags": np.stack([np.uint8(255) * (share < 0.5), open_, unseen], 2),
         "truth": small(task.truth.color, size),
         "surface": small(painted, size),
-        "near": levels(np.sqrt(small(nearness(np.where(view.hole, depth, view.depth)), size))),
+        "near": levels_of(np.sqrt(small(nearness(np.where(view.hole, depth, view.depth)), size))),
     }
 
 
@@ -166,19 +165,9 @@ def nearness(depth: Float32Array) -> Float32Array:
     return np.minimum(w / np.quantile(w[w > 0], NEAREST_QUANTILE), 1).astype(np.float32) if w.any() else w
 
 
-def out_of_view(view: View) -> BoolArray:
-    """H x W, True in colour holes that the source's camera did not see."""
-    return view.color_hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
-
-
 def small(plane: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """A plane at a size (width, height), averaged."""
     return cv2.resize(plane, size, interpolation=cv2.INTER_AREA)
-
-
-def levels(plane: np.ndarray) -> UInt8Array:
-    """0..1 as 0..255."""
-    return np.round(255 * np.clip(plane, 0, 1)).astype(np.uint8)
 
 
 def outlines_of(photos: Sequence[Path]) -> list[BoolArray]:

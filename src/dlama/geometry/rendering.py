@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -40,6 +39,7 @@ from dlama.geometry.drawing.layers import (
 from dlama.geometry.drawing.layers import MODES as MODES
 from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.frames.choosing import find_part, may_show
+from dlama.geometry.frames.facts import find_once
 from dlama.geometry.frames.merging import keep_latest, merge_frames, surface_of
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import Box, box_around, dilate_mask, fill_with_nearest
@@ -68,9 +68,6 @@ MOST_AT_ONCE = 2
 """Fills that are drawn at once, each onto a canvas of its own: a canvas takes 21 bytes a pixel."""
 RANK_OF_TYPE = np.array([0, 5, 1, 3, 0, 2, 4], np.uint8)
 """Rank of each HoleType."""
-
-_views: WeakKeyDictionary[RGBD, View] = WeakKeyDictionary()
-"""Pictures that were rendered -> their View."""
 
 
 def render(
@@ -104,7 +101,7 @@ def render(
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
     if isinstance(source, RGBD):
-        source = view_of(source)
+        source = find_once(source, View.from_rgbd)  # whose facts are kept, for the next camera
     scene = Scene((source,)) if isinstance(source, View) else source
     if not scene.fills and (own := share_own_view(scene, camera, types)) is not None:
         return own
@@ -112,13 +109,6 @@ def render(
     if close and mode == "surface" and scene.fills and not any(fill.has_open_holes for fill in scene.fills):
         close_gaps(drawn.canvas)
     return drawn.view(camera, hole_types(drawn, scene.removals) if types else None)
-
-
-def view_of(rgbd: RGBD) -> View:
-    """The picture as a View, the same one for as long as the picture is alive: what drawing asks of it is found once."""
-    if rgbd not in _views:
-        _views[rgbd] = View.from_rgbd(rgbd)
-    return _views[rgbd]
 
 
 def render_measured(measured: Scene, scene: Scene, camera: Camera, mode: Mode, footprint: bool) -> View:

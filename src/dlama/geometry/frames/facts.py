@@ -12,22 +12,28 @@ import numpy as np
 from dlama.geometry.codes import DEPTH_FROM_OTHERS, HoleType, Origin
 
 OneLayer = TypeVar("OneLayer", bound="Facts")
+Source = TypeVar("Source")
 Found = TypeVar("Found")
 
-_found: WeakKeyDictionary[Facts, dict[Callable[..., Any], Any]] = WeakKeyDictionary()
-"""Layer -> function -> what it found; not fields of the layers, which are sent to other processes."""
+_found: WeakKeyDictionary[Any, dict[Callable[..., Any], Any]] = WeakKeyDictionary()
+"""Layer or picture -> function -> what it found; not fields of the layers, which are sent to other processes."""
+
+
+def find_once(source: Source, find: Callable[[Source], Found]) -> Found:
+    """What `find` gives for a layer or a picture, found at the first call and kept for as long as that is alive."""
+    known = _found.setdefault(source, {})
+    if find not in known:
+        known[find] = find(source)
+    found: Found = known[find]
+    return found
 
 
 class Facts:
     """What a scene asks of its layers, without their pixels once it is found."""
 
     def find_once(self: OneLayer, find: Callable[[OneLayer], Found]) -> Found:
-        """What `find` gives for it, found at the first call and kept for as long as it is alive."""
-        known = _found.setdefault(self, {})
-        if find not in known:
-            known[find] = find(self)
-        found: Found = known[find]
-        return found
+        """`find_once` of it."""
+        return find_once(self, find)
 
     def load(self) -> Any:
         """The View with its pixels in memory; hold it while working with it."""
