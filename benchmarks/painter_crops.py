@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
@@ -83,7 +84,7 @@ def compressed(planes: Planes) -> dict[str, bytes]:
 def in_parallel(make: Callable[[int], Planes], numbers: Iterable[int]) -> list[dict[str, bytes]]:
     """The compressed crops of these numbers, made on all cores."""
     os.environ["OMP_NUM_THREADS"] = "1"  # crops are made side by side
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:  # a forked process waits for threads of networks
         return list(pool.map(partial(_compressed_crop, make), numbers, chunksize=8))
 
 
