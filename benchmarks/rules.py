@@ -57,12 +57,12 @@ def _no_cut_crowns() -> None:
 
 
 def _low_frequency() -> None:
-    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.patchmatch.over_layers"):
+    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first"):
         _replace(place, "blend_with_low_frequency", lambda view, color, *rest, **more: color)
 
 
 def _remaining_shadows() -> None:
-    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first"):
+    for place in ("inpainters.layered.color.surface_colors", "inpainters.layered.depth_first"):
         _replace(place, "find_remaining_shadow", lambda view, *rest: np.zeros_like(view.hole))
 
 

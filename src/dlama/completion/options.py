@@ -96,10 +96,10 @@ class Options:
     """
 
     filler: str | Inpainter = option("NAME", AUTO, AUTO, kind=str, label="Filler")
-    """What fills the holes. layered: texture of the surfaces that continue there; patchmatch: a network and patches of the
-    picture; layered-patches: both; telea: diffusion; migan: a network that ships; lama, joint, pair (stereo only): the network
-    of --model. auto: layered-patches, or patchmatch where depth is estimated. In Python also a function
-    (view, context, seed) -> Fill, or a Painter."""
+    """What fills the holes. layered: patches of the surfaces that continue there; layered-patches: these and a network;
+    patchmatch: a network and patches of any part of the picture; telea: diffusion; migan: a network that ships; lama, joint, pair
+    (stereo only): the network of --model. auto: layered-patches, or patchmatch where depth is estimated. In Python also a
+    function (view, context, seed) -> Fill, or a Painter."""
     model: str | Path | None = option("FILE|NAME", kind=str | None)
     """Network of a filler that runs one: an ONNX or LaMa file, or a name of `dlama models list`."""
     recipe: str | Recipe = option("|".join(RECIPE_NAMES), "dlama", "dlama", kind=str, label="Recipe")

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dlama.inpainters.filling import Inpainter
-from dlama.inpainters.layered.filler import layered
+from dlama.inpainters.layered.filler import layered, layered_patches_filler
 from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.lama import joint_filler, lama_filler
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.inpainters.opencv import telea
 from dlama.inpainters.patchmatch.filler import patchmatch_filler
-from dlama.inpainters.patchmatch.over_layers import layered_patches_filler
 
 MAKE: dict[str, Callable[..., Inpainter]] = {
     "layered": lambda: layered,

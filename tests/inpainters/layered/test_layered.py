@@ -159,4 +159,4 @@ def test_a_removed_things_depth_never_enters(seed: int) -> None:
 def test_planes_are_noted() -> None:
     """Closed form: two planes are in the notes of a corner."""
     before, _, _ = taken_out((FLOOR, WALL), Box((-0.4, 0.2, 2.5), (0.4, 1, 3)))
-    assert layered(before, FillContext(Law(()))).notes == {"planes": 2}
+    assert layered(before, FillContext(Law(()))).notes["planes"] == 2

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
-from types import SimpleNamespace
-from typing import cast
-
 import cv2
 import numpy as np
 import pytest
 
-import dlama
+from brick_walls import brick_wall
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels import jit
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
+from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
-from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.patchmatch import search
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
-from dlama.inpainters.patchmatch.over_layers import copy_patches
 from dlama.inpainters.patchmatch.pyramid import (
     BAND,
     build_pyramid,
@@ -37,15 +30,6 @@ from dlama.inpainters.patchmatch.search import nearest_source
 
 ROWS, COLUMNS = np.indices((96, 128))
 HOLE = (np.abs(ROWS - 50) < 14) & (np.abs(COLUMNS - 60) < 17)
-
-
-def brick_wall() -> np.ndarray:
-    """Bricks of 16 x 8 px with joints, every other row half a brick aside, each with its grain."""
-    aside = 8 * (ROWS // 8 % 2)
-    joint = (ROWS % 8 < 2) | ((COLUMNS + aside) % 16 < 2)
-    grain = np.tile(np.random.default_rng(1).normal(0, 6, (16, 16)), (6, 8))
-    wall = np.where(joint[..., None], (200, 200, 190), (150, 70, 50)) + grain[..., None]
-    return np.clip(wall, 0, 255).astype(np.uint8)
 
 
 def guess_of(picture: np.ndarray) -> np.ndarray:
@@ -188,82 +172,3 @@ def test_as_a_filler_it_continues_surfaces_and_says_what_ran() -> None:
     done, report = inpaint(view, filler, FillContext(Law(())))
     np.testing.assert_allclose(done.depth, 3, rtol=1e-3)
     assert "migan" in str(report.notes["guess"])
-
-
-def camera_frame(off: int, wall: np.ndarray) -> tuple[RGBD, np.ndarray]:
-    """A wall at 2 m behind a plain table at 1 m, whose depth ends `off` columns next to its picture; a hole in the wall."""
-    rows, columns = np.indices(wall.shape[:2])
-    color = np.where((columns < 40)[..., None], np.uint8([200, 160, 90]), wall).astype(np.uint8)
-    depth = np.where(columns - off < 40, 1, 2).astype(np.float32)
-    hole = (np.abs(rows - 50) < 12) & (np.abs(columns - 90) < 14)
-    return RGBD(color, depth, Camera.from_fov(128, len(rows), 60)), hole
-
-
-def test_over_layers_depth_is_that_of_layered_and_colours_are_the_pictures() -> None:
-    """Law: depth is the same to the bit, cracks are painted the same; truth: the wall's pattern continues in the hole."""
-    rgbd, hole = camera_frame(4, brick_wall())
-    crack = (ROWS == 20) & (COLUMNS > 50)
-    view = View.from_rgbd(rgbd)
-    view = view.without(hole, HoleType.OBJECT).without(crack, HoleType.CRACK)
-    scene = Scene((view,))
-    found = FillContext.of(scene)
-    context = FillContext(found.law.with_aligned_edges(scene), found.sky)
-    fills = [find_filler(name)(view, context, 3) for name in ("layered", "layered-patches")]
-    np.testing.assert_array_equal(fills[0].depth, fills[1].depth)
-    np.testing.assert_array_equal(fills[0].color[crack], fills[1].color[crack])
-    assert (np.abs(fills[1].color[hole].astype(int) - rgbd.color[hole]).max(-1) <= 12).mean() > 0.8
-    assert "migan" in str(fills[1].notes["guess"]) and fills[1].notes["planes"] == fills[0].notes["planes"]
-
-
-def test_the_network_paints_dis_occlusions_and_nothing_else() -> None:
-    """Law: of a view of exact depth, all but the dis-occlusions has the colours of `layered`, to the bit; without any the network
-    does not run."""
-    rgbd, _ = camera_frame(0, brick_wall())
-    for move, some in ((dlama.orbit(rgbd.camera, 15), True), (dlama.orbit(rgbd.camera, 15, pivot=1e-6), False)):
-        done, plain = (dlama.complete(rgbd, [move], filler=name) for name in ("auto", "layered"))
-        uncovered = done.views[0].hole_type == HoleType.DISOCCLUDED.value
-        differs = (done.views[0].color != plain.views[0].color).any(-1)
-        assert differs.any() == uncovered.any() == some and not (differs & ~uncovered).any()
-        assert ("migan" in str(done.meta)) == some
-
-
-def test_what_patches_begin_from() -> None:
-    """Closed form: where no patch is known the beginning comes back: behind a removed object the network's guess, out of view its
-    mean with the surfaces' colours, in dis-occlusions these."""
-    hole, colors = (ROWS % 4 == 0) | (COLUMNS % 4 == 0), (np.full((96, 128, 3), level, np.uint8) for level in (40, 81))
-    color, guess = colors
-    view = View.from_rgbd(RGBD(color, np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60)))
-    levels = {HoleType.OBJECT: 81, HoleType.OUT_OF_VIEW: 60, HoleType.DISOCCLUDED: 40}
-    for number, kind in enumerate(levels):
-        view = view.without(hole & (number == ROWS // 32), kind)
-    surfaces = cast(Surfaces, SimpleNamespace(label=np.zeros((96, 128), np.int8)))
-    done = copy_patches(view, surfaces, color, guess, view.color_hole, view.color_hole, 0)
-    for kind, level in levels.items():
-        assert (done[view.hole_type == kind.value] == level).all()
-    np.testing.assert_array_equal(done[~view.color_hole], color[~view.color_hole])
-
-
-def test_the_network_runs_where_a_depth_camera_did_not_see() -> None:
-    """Law: out of view alone is enough where depth edges are off; of exact depth the network paints nothing there."""
-    plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
-    for off in (0, 4):
-        rgbd, _ = camera_frame(off, plain)
-        done = dlama.complete(rgbd, [dlama.orbit(rgbd.camera, 15, pivot=1e-6)])
-        assert (done.views[0].hole_type == HoleType.OUT_OF_VIEW.value).any()
-        assert ("migan" in str(done.meta)) == (off > 0)
-
-
-def test_auto_is_the_filler_that_suits_the_depth() -> None:
-    """Law: layered-patches where depth was measured, patchmatch where it was estimated; meta data say which and why; a name is
-    that name."""
-    assert FILLER_NAMES[0] == AUTO and set(FILLER_NAMES) == {AUTO, *FILLERS}
-    plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
-    rgbd, hole = camera_frame(4, plain)
-    assert dlama.view(rgbd, yaw=5).meta["filler"] == "layered-patches"
-    assert dlama.remove(rgbd, hole).meta["filler"] == "layered-patches"
-    rgbd = RGBD(brick_wall(), np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))
-    estimated = dataclasses.replace(rgbd, estimate={"estimator": "mine"})
-    done = dlama.remove(estimated, HOLE)
-    assert done.meta["filler"] == "patchmatch" and done.meta["depth"] == "estimated"
-    for frame in (rgbd, estimated):
-        assert dlama.remove(frame, HOLE, filler="telea").meta["filler"] == "telea"

@@ -18,8 +18,8 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
+from dlama.inpainters.layered.color.surface_colors import find_leaves, paint_leaves
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully, with_depth
-from dlama.inpainters.layered.filler import find_leaves, paint_leaves
 from dlama.inpainters.layered.remaining_shadows import depth_of_removed, find_remaining_shadow
 from dlama.perception.planes import plane_values_at
 

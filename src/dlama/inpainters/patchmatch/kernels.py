@@ -225,28 +225,6 @@ def cost_rows(first: Whole, last: Whole, patches: Patches, penalties: Penalties,
         out.cost[t] = more + difference(patches.values, row, column, source_row, source_column, np.inf)
 
 
-@kernel
-def nearest_rows(first: Whole, last: Whole, sources: BoolArray, places: Places) -> None:
-    """The places [first, last), in the picture, moved to the nearest pixel of `sources` (H x W, one or more True)."""
-    height, width = sources.shape
-    for p in range(first, last):
-        row, column = int(places[p, 0]), int(places[p, 1])
-        if sources[row, column]:
-            continue
-        least, reach = height * height + width * width, 1
-        while (
-            reach * reach <= least
-        ):  # squares round the place, ever larger, as long as one of their pixels could be nearer
-            for y in range(max(row - reach, 0), min(row + reach + 1, height)):
-                step = 1 if abs(y - row) == reach else 2 * reach
-                for x in range(column - reach, column + reach + 1, step):
-                    if 0 <= x < width and sources[y, x]:
-                        away = (y - row) * (y - row) + (x - column) * (x - column)
-                        if away < least:
-                            places[p, 0], places[p, 1], least = y, x, away
-            reach += 1
-
-
 @inlined
 def count_known(hole: BoolArray, row: Whole, column: Whole) -> Whole:
     """Known ones of the four pixels under one of half the size."""

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import box_around
+from dlama.geometry.holes import box_around, nearest_known
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels, vote_kernels
@@ -161,7 +161,10 @@ def gaussian(width_px: float) -> Float32Array:
 def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.int32]:
     """N x 2: the known patch nearest to each place (N x 2, row and column; those beyond the border count as on it)."""
     found = np.clip(places, 0, np.array(sources.shape, np.int32) - np.int32(1))
-    in_bands(kernels.nearest_rows, len(found), sources, found, band=BAND)
+    elsewhere = np.flatnonzero(~sources[found[:, 0], found[:, 1]])
+    if len(elsewhere):
+        rows, columns = found[elsewhere].T
+        found[elsewhere] = np.stack(np.divmod(nearest_known(sources)[1][rows, columns], sources.shape[1]), 1)
     return found
 
 

@@ -1,1 +1,1 @@
-"""A view with depth and surface labels in; its hole painted with texture of the same surface out. See `texture_synthesis`."""
+"""A view with depth and surface labels in; smooth colours of its holes out. See `surface_colors`."""

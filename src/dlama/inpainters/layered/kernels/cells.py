@@ -19,21 +19,6 @@ NON_PLANAR_NEARER = np.float32(1.2)
 """The same within non-planar objects (leaves), whose depth varies."""
 
 
-class Sources(NamedTuple):
-    """The cells of a grid that one surface's texture is copied from."""
-
-    cell_size: int
-    """Pixels a cell."""
-    inverse_depth: Float32Array
-    """rows x cols, of the cells."""
-    cell_label: NDArray[np.int8]
-    """rows x cols, the surface that a cell shows for certain."""
-    label: int
-    """Of the surface."""
-    axes: NDArray[np.float64]
-    """2 x 3: E of the surface's plane, in pixels."""
-
-
 @kernel
 def trusted_rows(
     first: Whole,
@@ -139,6 +124,22 @@ def blend(grid: Array, across: Neighbours, along: Neighbours, k: Whole) -> Real:
     top = grid[y0, x0, k] + ax * (float(grid[y0, x1, k]) - grid[y0, x0, k])
     low = grid[y1, x0, k] + ax * (float(grid[y1, x1, k]) - grid[y1, x0, k])
     return top + ay * (low - top)
+
+
+@kernel
+def paint_pixels(
+    first: Whole, last: Whole, pixels: NDArray[np.int64], base: Float32Array, cell_size: Whole, out: UInt8Array
+) -> None:
+    """Set the flat pixels first..last of a list in `out` (H x W x 3) to the colours of a grid, bilinear. base: rows x cols x 3,
+    cells of cell_size pixels a side."""
+    width, (rows, cols, _) = out.shape[1], base.shape
+    for n in range(first, last):
+        y, x = pixels[n] // width, pixels[n] % width
+        across = bilinear_neighbours((x + 0.5) / cell_size, cols)
+        along = bilinear_neighbours((y + 0.5) / cell_size, rows)
+        for k in range(3):
+            value = blend(base, across, along, k) + 0.5
+            out[y, x, k] = np.uint8(0.0 if value < 0 else (255.0 if value > 255 else value))
 
 
 def sample(grid: Float32Array, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,14 +1,13 @@
-"""The texture kernels against their slow literal twins (tests/reference/texture.py), value by value, on small grids."""
+"""Kernels of cells and base colours against their slow literal twins (tests/reference/base_color.py), on small grids."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-import reference.texture as twin
+import reference.base_color as twin
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels import cells as cell_kernels
-from dlama.inpainters.layered.kernels import patch_offsets as kernels
 
 SHAPE = (17, 22)
 
@@ -94,60 +93,12 @@ def test_depth_base(rng):
     np.testing.assert_allclose(ours, twin.skirt(base, partly, inside), atol=1e-3)
 
 
-def shift_setting(rng):
-    """A slanted plane with a hole, its axes (any will do for the twins) and shifts that stay in the picture or do not."""
-    color, _, _, _ = picture(rng)
-    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5
-    depth = (0.2 + 0.004 * u + 0.01 * v).astype(np.float32)
-    source = np.full(SHAPE, 1, np.int8)
-    source[4:11, 9:] = -2
-    axes = np.array([[20.0, 0, -0.3], [6.0, 18.0, 0.4]])
-    return color, depth, source, axes, rng.uniform(-1, 1, (12, 2))
-
-
-def test_scores(rng):
-    """Oracle: literal twins of correlate and change_of_scale; the case must hold reachable and unreachable places."""
-    _, depth, source, axes, shifts = shift_setting(rng)
-    detail = rng.normal(0, 20, (*SHAPE, 3)).astype(np.float32)
-    y, x = np.nonzero(source == 1)
-    points = np.stack([x + 0.5, y + 0.5, depth[y, x]], 1).astype(np.float64)[::7]
-    where = (1, depth, source, 1, axes)
-    scores = kernels.correlate(shifts, points, detail, kernels.Sources(*where), 8)
-    assert (scores != 0).any() and (scores == 0).any()
-    np.testing.assert_allclose(scores, twin.correlate(shifts, points, detail, *where, 8), atol=1e-5)
-    scale = kernels.change_of_scale(shifts, points, kernels.Sources(*where))
-    assert (scale >= 0).any() and (scale < 0).any()
-    np.testing.assert_allclose(scale, twin.change_of_scale(shifts, points, *where), atol=1e-5)
-
-
-def test_assign(rng):
-    """Oracle: literal twin."""
-    inside = rng.random((9, 11)) < 0.7
-    order = rng.permutation(np.flatnonzero(inside))
-    index = np.full(inside.shape, -1, np.int32)
-    index[inside] = np.arange(inside.sum())
-    cost = rng.uniform(0, 1.5, (inside.sum(), 6)).astype(np.float32)
-    cost[rng.random(cost.shape) < 0.3] = 1e6
-    cost[0] = 1e6
-    brought = rng.normal(0, 20, (*cost.shape, 3)).astype(np.float32)
-    ours = np.full(len(cost), -1, np.int32)
-    kernels.assign_cells(index, kernels.Choices(cost, brought, ours), order, 0.01, 4)
-    assert ours[0] == -1
-    np.testing.assert_array_equal(ours, twin.assign(index, cost, brought, order, 0.01, 4))
-
-
 def test_paint(rng):
     """Oracle: literal twin, to one grey level (a rounding may fall either way)."""
-    color, depth, source, axes, shifts = shift_setting(rng)
-    pixels = np.flatnonzero(source == -2)
-    grid = (5, 6)
-    bases = tuple(rng.uniform(60, 190, (*grid, 3)).astype(np.float32) for _ in range(2))
-    pick = rng.integers(-1, len(shifts), grid).astype(np.int32)
-    gains = rng.random((*grid, 3)).astype(np.float32)
-    surface, cells = (depth, source, 1, axes), (4, pick, gains, shifts)
-    theirs = twin.paint(color, color, pixels, *surface, bases, *cells)
-    ours, room = color.copy(), np.zeros((len(pixels), 3))
-    sources, paint = kernels.Sources(1, *surface), kernels.Paint(color, *bases, *cells)
-    kernels.paint_pixels(0, len(pixels), pixels, sources, paint, room, ours)
+    color = rng.integers(0, 256, (*SHAPE, 3), dtype=np.uint8)
+    pixels = np.flatnonzero(rng.random(SHAPE) < 0.4)
+    base = rng.uniform(-20, 275, (5, 6, 3)).astype(np.float32)
+    ours = color.copy()
+    cell_kernels.paint_pixels(0, len(pixels), pixels, base, 4, ours)
     assert (ours != color).any()
-    assert np.abs(ours.astype(int) - theirs).max() <= 1
+    assert np.abs(ours.astype(int) - twin.paint(color, pixels, base, 4)).max() <= 1

@@ -1,4 +1,4 @@
-"""Slow literal twin of the texture kernels: grids in; trusted sources, bases, scores, choices and painted pixels out."""
+"""Slow literal twin of the kernels of surface colours: grids in; trusted sources, means, bases and painted pixels out."""
 
 from __future__ import annotations
 
@@ -133,103 +133,11 @@ def skirt(base, depth, inside):
     return out
 
 
-def moved(u, v, w, shift, axes):
-    """Homogeneous pixel plus w (s1 E1 + s2 E2): (u', v', z'), or None behind the camera."""
-    x, y, z = np.array([u, v, 1.0]) + w * (np.asarray(shift) @ axes)
-    return (x / z, y / z, z) if z > 1e-3 else None
-
-
-def source_of(point, shift, factor, depths, sources, kind, axes):
-    """(u', v', z') if the shift takes the point (u, v, w) to a trusted cell of its surface at the right depth, else None."""
-    u, v, w = point
-    there = moved(u, v, w, shift, axes)
-    if there is None:
-        return None
-    x, y = math.floor(there[0] / factor), math.floor(there[1] / factor)
-    if not (0 <= x < sources.shape[1] and 0 <= y < sources.shape[0]) or sources[y, x] != kind:
-        return None
-    expected = w / there[2]
-    fits = np.float32(0.9) * expected - 1e-6 <= depths[y, x] <= np.float32(1.04) * expected + 1e-6
-    return there if fits else None
-
-
-def correlate(shifts, points, detail, factor, depths, sources, kind, axes, need):
-    """Normalised correlation over the points whose shifted place is known, times n / (n + 12)."""
-    out = np.zeros(len(shifts))
-    for i, shift in enumerate(shifts):
-        pairs = []
-        for point in points:
-            there = source_of(point, shift, factor, depths, sources, kind, axes)
-            if there is not None:
-                here = bilinear(detail, point[0] / factor, point[1] / factor)
-                pairs.append((here, bilinear(detail, there[0] / factor, there[1] / factor)))
-        if len(pairs) >= need:
-            a, b = np.array(pairs).transpose(1, 0, 2)
-            norm = math.sqrt(((a * a).sum() + 1e-3) * ((b * b).sum() + 1e-3))
-            out[i] = (a * b).sum() / norm * len(pairs) / (len(pairs) + 12)
-    return out
-
-
-def change_of_scale(shifts, cells, factor, depths, sources, kind, axes):
-    """|log2 z'|, and 0.3 of it more where the source is farther (blurrier); -1 where it is not known."""
-    out = np.full((len(shifts), len(cells)), -1.0)
-    for (i, shift), (p, cell) in itertools.product(enumerate(shifts), enumerate(cells)):
-        there = source_of(cell, shift, factor, depths, sources, kind, axes)
-        if there is not None:
-            octaves = math.log2(there[2])
-            out[i, p] = abs(octaves) + 0.3 * max(0.0, octaves)
-    return out
-
-
-def assign(index, cost, brought, order, seam, sweeps):
-    """Iterated conditional modes: each cell in turn takes the shift that is cheapest given its neighbours'."""
-    chosen = np.full(len(cost), -1)
-
-    def beside(p, q, i):
-        j = chosen[q]
-        if j < 0 or j == i:
-            return 0.0
-        if cost[q, i] >= 1e6 or cost[p, j] >= 1e6:
-            return 0.15 + 0.3
-        return 0.15 + seam * (np.abs(brought[p, i] - brought[p, j]) + np.abs(brought[q, i] - brought[q, j])).sum()
-
-    for sweep in range(sweeps):
-        for cell in order if sweep % 2 == 0 else order[::-1]:
-            y, x = divmod(int(cell), index.shape[1])
-            p = index[y, x]
-            around = [index[q] for q in neighbours(y, x, index.shape) if index[q] >= 0]
-            totals = [cost[p, i] + sum(beside(p, q, i) for q in around) for i in range(cost.shape[1])]
-            best = int(np.argmin(totals))
-            chosen[p] = best if totals[best] < 1e6 else -1
-    return chosen
-
-
-def paint(out, color, pixels, inverse_depth, source, kind, axes, bases, cell, pick, gains, shifts):
-    """Base plus believed detail, feathered bilinearly between the shifts of the four nearest cells."""
-    out = out.copy()
-    fine, smooth = bases
-    for pixel in pixels:
-        y, x = divmod(int(pixel), out.shape[1])
-        u, v, w = x + 0.5, y + 0.5, inverse_depth[y, x]
-        here = bilinear(fine, u / cell, v / cell)
-        added, total = np.zeros(3), 0.0
-        for cy, cx in itertools.product(*map(range, pick.shape)):
-            share = max(0.0, 1 - abs(u / cell - cx - 0.5)) * max(0.0, 1 - abs(v / cell - cy - 0.5))
-            if share == 0 or pick[cy, cx] < 0:
-                continue
-            shift = shifts[pick[cy, cx]]
-            there = source_of((u, v, w), shift, 1, inverse_depth, source, kind, axes)
-            if there is None:
-                continue
-            copied = bilinear(color, there[0], there[1])
-            low = bilinear(fine, there[0] / cell, there[1] / cell)
-            middle = (low - bilinear(smooth, there[0] / cell, there[1] / cell)) - (
-                here - bilinear(smooth, u / cell, v / cell)
-            )
-            high_gain, middle_gain, plain_gain = gains[cy, cx]
-            banded = high_gain * (copied - low) + middle_gain * middle
-            added += share * (banded + plain_gain * (copied - here - banded))
-            total += share
-        value = here + (added / total if total else 0)
-        out[y, x] = np.clip(value + 0.5, 0, 255).astype(np.uint8)
+def paint(color, pixels, base, cell):
+    """The pixels in the colours of a grid of cells, bilinear, rounded."""
+    out = color.copy()
+    for p in pixels:
+        y, x = divmod(int(p), color.shape[1])
+        value = bilinear(base, (x + 0.5) / cell, (y + 0.5) / cell)
+        out[y, x] = [int(min(255, max(0, v + 0.5))) for v in value]
     return out

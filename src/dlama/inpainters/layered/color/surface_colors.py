@@ -1,0 +1,192 @@
+"""A view and its continued surfaces in; smooth colours of its holes, spread along the surface that each pixel lies on, out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View
+from dlama.inpainters.context import FillContext
+from dlama.inpainters.layered.color.cell_grid import UNTRUSTED, CellGrid, Labels
+from dlama.inpainters.layered.depth.surfaces import Surfaces
+from dlama.inpainters.layered.kernels import base_color as base_kernels
+from dlama.inpainters.layered.kernels.cells import paint_pixels
+from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
+from dlama.perception.planes import SKY
+
+GREY = 128
+"""Colour in a view without any known pixel."""
+SKY_COLOR = (120, 145, 175)
+"""Colour of a sky that no picture shows: a pale daylight blue."""
+LEAST_CELLS = 12
+"""Planes with fewer known cells are painted as no plane."""
+BLUR_CELLS = 2.0
+"""Sigma of the blur of known colours, in cells of the base."""
+BAND = 2048
+"""Pixels per task."""
+SCREEN = 0.002
+"""Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
+DEPTH_SCREEN = 0.002
+"""The same for no plane, towards the mean of all cells at that depth and behind: a small rim must not colour everything."""
+
+
+def paint_surfaces(view: View, surfaces: Surfaces, context: FillContext) -> UInt8Array:
+    """H x W x 3: the view's colours, with those of each surface spread into its colour holes; surfaces: of
+    `continue_lawfully`."""
+    if not view.color_hole.any():
+        return view.color
+    w, label = surfaces.inverse_depth, surfaces.label.copy()
+    label[view.hole & (w == 0)] = SKY
+    leafy = paint_leaves(view.color, view, find_leaves(view, surfaces))
+    shadow = np.zeros_like(view.hole)
+    if view.object_hole.any():
+        shadow = find_remaining_shadow(view, label, context.law)
+    return spread_colors(leafy, surfaces.without_leaves(view.color_hole), w, label, spoiled=shadow, sky=context.sky)
+
+
+def find_leaves(view: View, surfaces: Surfaces) -> NDArray[np.intp]:
+    """2 x N flat indices: hole pixels whose colour is unknown into which foliage extends, and the known leaf that each copies."""
+    return surfaces.leaves[:, view.color_hole.ravel()[surfaces.leaves[0]]]
+
+
+def paint_leaves(color: UInt8Array, view: View, leaves: NDArray[np.intp]) -> UInt8Array:
+    """H x W x 3 colours with copied leaves (2 x N, of `find_leaves`) where foliage extends into the view's colour holes."""
+    if not leaves.size:
+        return color
+    out = color.copy()
+    out.reshape(-1, 3)[leaves[0]] = view.color.reshape(-1, 3)[leaves[1]]
+    return out
+
+
+@dataclass(frozen=True)
+class HoleRegion:
+    """The pixels of the hole that lie on one surface, and the cells that give them colour."""
+
+    label: int
+    """-1 non-planar, 0 sky, k >= 1 the k-th plane."""
+    pixels: NDArray[np.int64]
+    """Flat indices of the hole pixels."""
+    cells: NDArray[np.int64]
+    """Flat index of the cell of the base in which each of them lies."""
+    sources: BoolArray
+    """rows x cols cells of the grid, True where a cell is known and belongs to the surface."""
+
+
+def spread_colors(
+    color: UInt8Array,
+    hole: BoolArray,
+    inverse_depth: Float32Array,
+    label: Labels,
+    *,
+    spoiled: BoolArray | None = None,
+    sky: Float32Array | None = None,
+) -> UInt8Array:
+    """H x W x 3: smooth colours for the hole, from known pixels of the same surface; known pixels come back bit-identical.
+
+    color: H x W x 3; hole: H x W; inverse_depth: H x W, 1/m, filled everywhere, 0 = sky; label: H x W, filled everywhere: -1
+    non-planar, 0 sky, k >= 1 the k-th plane; spoiled: H x W, pixels whose colour is used only where all of their surface is;
+    sky: RGB of a sky that this view does not show; None: SKY_COLOR. Bases stand on a grid twice as coarse as that of the cells.
+    """
+    out = np.array(color)
+    if not hole.any():
+        return out
+    out[hole] = GREY
+    out[hole & (label == SKY) & ~hole.all()] = SKY_COLOR if sky is None else np.rint(sky)
+    grid = CellGrid.of(color, hole, inverse_depth, label, np.zeros_like(hole) if spoiled is None else spoiled)
+    regions = sorted(hole_regions(grid, hole, label), key=lambda region: -len(region.pixels))
+
+    def paint_regions(first: int, last: int) -> None:
+        for region in regions[first:last]:
+            if region.sources.any():
+                base = surface_base(grid, region) if region.label >= 0 else depth_base(grid, region, inverse_depth)
+                in_bands(paint_pixels, len(region.pixels), region.pixels, base, 2 * grid.size, out, band=BAND)
+
+    in_bands(paint_regions, len(regions), band=1)
+    return out
+
+
+def hole_regions(grid: CellGrid, hole: BoolArray, label: Labels) -> Iterator[HoleRegion]:
+    """The hole split into regions: sufficiently visible planes and sky, and the rest as one (label -1)."""
+    holes = np.flatnonzero(hole)
+    rows, cols = np.divmod(holes, hole.shape[1])
+    size = 2 * grid.size
+    cells = (rows // size) * -(-hole.shape[1] // size) + cols // size
+    labels = label.ravel()[holes]
+    rest = np.ones(len(holes), np.bool_)
+    for number in np.unique(labels[labels >= 0]).tolist():
+        sources, here = grid.label == number, labels == number
+        if sources.sum() >= LEAST_CELLS or number == SKY:
+            rest &= ~here
+            yield HoleRegion(number, holes[here], cells[here], sources)
+    if rest.any():
+        yield HoleRegion(-1, holes[rest], cells[rest], grid.label != UNTRUSTED)
+
+
+def depth_base(grid: CellGrid, region: HoleRegion, inverse_depth: Float32Array) -> Float32Array:
+    """rows x cols x 3 colours that spread from the rim between neighbours of similar depth, never from nearer ones.
+
+    Labels do not count: depth without a plane was interpolated from all its surroundings, and so is its colour.
+    """
+    colors, far = base_kernels.farthest(grid.color, grid.inverse_depth, grid.label)
+    known = base_kernels.even_out(colors, far, 2)
+    base = known.copy()
+    depth = np.full(far.size, np.inf, np.float32)
+    np.minimum.at(depth, region.cells, inverse_depth.ravel()[region.pixels])
+    inside = np.isfinite(depth).reshape(far.shape)
+    depth = np.where(inside, depth.reshape(far.shape), far)
+    cells = order_from_rim(inside)
+    mean, any_behind = _mean_behind(known, depth.ravel()[cells], far)
+    base.reshape(-1, 3)[cells] = np.where(any_behind[:, None], mean, GREY)
+    base_kernels.spread(base, depth, (far >= 0) & ~inside, cells, mean, DEPTH_SCREEN * any_behind, 80)
+    return base_kernels.skirt(base, depth, inside)
+
+
+def order_from_rim(inside: BoolArray) -> NDArray[np.int64]:
+    """Flat indices of the cells inside (rows x cols), in order of their distance from the outside."""
+    cells = np.flatnonzero(inside)
+    distance = cv2.distanceTransform(inside.view(np.uint8), cv2.DIST_L2, 3)
+    return cells[np.argsort(distance.ravel()[cells], kind="stable")]
+
+
+def _mean_behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> tuple[NDArray[np.float64], BoolArray]:
+    """For each of N inverse depths: mean colour (N x 3) of all known cells there and behind, and whether there are any."""
+    known = far >= 0
+    order = np.argsort(far[known], kind="stable")
+    count = np.searchsorted(far[known][order], 1.1 * depth + 1e-6, side="right")
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(base[known][order], axis=0, dtype=np.float64)])
+    return sums[count] / np.maximum(count, 1)[:, None], count > 0
+
+
+def surface_base(grid: CellGrid, region: HoleRegion) -> Float32Array:
+    """rows x cols x 3: one surface's known cells, slightly blurred, extrapolated into the hole.
+
+    First by a pyramid, then as a screened membrane (Laplace's equation).
+    """
+    weight = region.sources.astype(np.float32)
+    sums, weights = base_kernels.pull(grid.color * weight[..., None], weight)
+    cells = np.unique(region.cells)
+    known = weights > 0
+    usable = known.copy()
+    usable.ravel()[cells] = True
+    sums, weights = (
+        np.asarray(cv2.GaussianBlur(a, (0, 0), BLUR_CELLS, borderType=cv2.BORDER_CONSTANT), np.float32)
+        for a in (sums, weights)
+    )
+    weights[weights < 1e-3] = 0
+    sums[weights == 0] = 0
+    ladder = [(sums, weights)]
+    while max(ladder[-1][1].shape) > 1:
+        ladder.append(base_kernels.pull(*ladder[-1]))
+    top, top_weight = ladder.pop()
+    value = (top / np.maximum(top_weight, np.float32(1e-9))[..., None]).astype(np.float32)
+    mean = value[0, 0].astype(np.float64)
+    for level in reversed(ladder):
+        value = base_kernels.push(*level, value)
+    base_kernels.relax(value, usable, cells[~known.ravel()[cells]], mean, SCREEN, 40)
+    return value

@@ -1,0 +1,105 @@
+"""Surfaces painted with patches, without a network and with one (oracles: patterns that continue, laws)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+import dlama
+from brick_walls import COLUMNS, ROWS, brick_wall
+from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
+from dlama.inpainters.context import FillContext
+from dlama.inpainters.layered.filler import copy_patches, layered
+
+
+def camera_frame(off: int, wall: np.ndarray) -> tuple[RGBD, np.ndarray]:
+    """A wall at 2 m behind a plain table at 1 m, whose depth ends `off` columns next to its picture; a hole in the wall."""
+    rows, columns = np.indices(wall.shape[:2])
+    color = np.where((columns < 40)[..., None], np.uint8([200, 160, 90]), wall).astype(np.uint8)
+    depth = np.where(columns - off < 40, 1, 2).astype(np.float32)
+    hole = (np.abs(rows - 50) < 12) & (np.abs(columns - 90) < 14)
+    return RGBD(color, depth, Camera.from_fov(128, len(rows), 60)), hole
+
+
+def test_over_layers_depth_is_that_of_layered_and_colours_are_the_pictures() -> None:
+    """Law: depth is the same to the bit, cracks are painted the same; truth: the wall's pattern continues in the hole."""
+    rgbd, hole = camera_frame(4, brick_wall())
+    crack = (ROWS == 20) & (COLUMNS > 50)
+    view = View.from_rgbd(rgbd)
+    view = view.without(hole, HoleType.OBJECT).without(crack, HoleType.CRACK)
+    scene = Scene((view,))
+    found = FillContext.of(scene)
+    context = FillContext(found.law.with_aligned_edges(scene), found.sky)
+    fills = [find_filler(name)(view, context, 3) for name in ("layered", "layered-patches")]
+    np.testing.assert_array_equal(fills[0].depth, fills[1].depth)
+    np.testing.assert_array_equal(fills[0].color[crack], fills[1].color[crack])
+    assert (np.abs(fills[1].color[hole].astype(int) - rgbd.color[hole]).max(-1) <= 12).mean() > 0.8
+    assert "migan" in str(fills[1].notes["guess"]) and fills[1].notes["planes"] == fills[0].notes["planes"]
+
+
+def test_the_network_paints_dis_occlusions_and_nothing_else() -> None:
+    """Law: of a view of exact depth, all but the dis-occlusions has the colours of `layered`, to the bit; without any the network
+    does not run."""
+    rgbd, _ = camera_frame(0, brick_wall())
+    for move, some in ((dlama.orbit(rgbd.camera, 15), True), (dlama.orbit(rgbd.camera, 15, pivot=1e-6), False)):
+        done, plain = (dlama.complete(rgbd, [move], filler=name) for name in ("auto", "layered"))
+        uncovered = done.views[0].hole_type == HoleType.DISOCCLUDED.value
+        differs = (done.views[0].color != plain.views[0].color).any(-1)
+        assert differs.any() == uncovered.any() == some and not (differs & ~uncovered).any()
+        assert ("migan" in str(done.meta)) == some
+
+
+def test_what_patches_begin_from() -> None:
+    """Definition: where no patch is known the beginning comes back, and what is known stays."""
+    hole, colors = (ROWS % 4 == 0) | (COLUMNS % 4 == 0), (np.full((96, 128, 3), level, np.uint8) for level in (40, 81))
+    color, start = colors
+    view = View.from_rgbd(RGBD(color, np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60)))
+    for number, kind in enumerate((HoleType.OBJECT, HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED)):
+        view = view.without(hole & (number == ROWS // 32), kind)
+    for label in (None, np.zeros((96, 128), np.int8)):
+        done = copy_patches(view, color, start, label, view.color_hole, view.color_hole, 0)
+        np.testing.assert_array_equal(done, np.where(view.color_hole[..., None], start, color))
+
+
+def test_without_a_network_the_pattern_of_a_surface_continues() -> None:
+    """Truth: a wall whose bricks repeat, in the hole of an object; sky out of view stays smooth, whatever is seen of it."""
+    rgbd, hole = camera_frame(0, brick_wall())
+    view = View.from_rgbd(rgbd).without(hole, HoleType.OBJECT)
+    done = layered(view, FillContext.of(Scene((view,))))
+    assert (np.abs(done.color[hole].astype(int) - rgbd.color[hole]).max(-1) <= 12).mean() > 0.8
+    sky = RGBD(brick_wall(), np.full((96, 128), np.inf, np.float32), rgbd.camera)
+    turned = dlama.view(sky, yaw=15, pivot=1e-6, filler="layered").views[0]
+    unseen = turned.hole_type == HoleType.OUT_OF_VIEW.value
+    assert unseen.any() and turned.color[unseen].std(0).max() < 0.5 * turned.color[~unseen].std(0).min()
+
+
+def test_the_network_runs_where_a_depth_camera_did_not_see() -> None:
+    """Law: out of view alone is enough where depth edges are off; of exact depth the network paints nothing there."""
+    plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
+    for off in (0, 4):
+        rgbd, _ = camera_frame(off, plain)
+        done = dlama.complete(rgbd, [dlama.orbit(rgbd.camera, 15, pivot=1e-6)])
+        assert (done.views[0].hole_type == HoleType.OUT_OF_VIEW.value).any()
+        assert ("migan" in str(done.meta)) == (off > 0)
+
+
+def test_auto_is_the_filler_that_suits_the_depth() -> None:
+    """Law: layered-patches where depth was measured, patchmatch where it was estimated; meta data say which and why; a name is
+    that name."""
+    assert FILLER_NAMES[0] == AUTO and set(FILLER_NAMES) == {AUTO, *FILLERS}
+    plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
+    rgbd, hole = camera_frame(4, plain)
+    assert dlama.view(rgbd, yaw=5).meta["filler"] == "layered-patches"
+    assert dlama.remove(rgbd, hole).meta["filler"] == "layered-patches"
+    rgbd, hole = camera_frame(0, brick_wall())
+    estimated = dataclasses.replace(rgbd, estimate={"estimator": "mine"})
+    done = dlama.remove(estimated, hole)
+    assert done.meta["filler"] == "patchmatch" and done.meta["depth"] == "estimated"
+    for frame in (rgbd, estimated):
+        assert dlama.remove(frame, hole, filler="telea").meta["filler"] == "telea"
