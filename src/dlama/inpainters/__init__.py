@@ -1,7 +1,8 @@
 """Fillers: a View with holes in; the same View without holes out. FILLERS, at the end, is the closed list of their names.
 
 Begin with `filling` (the contract of a filler, and what `inpaint` guarantees) and `context` (what a filler knows besides the
-view). Then `layered/` (the default where depth was measured), `patchmatch/` (where it was estimated) and `networks/`. This file imports no filler, since the command line's help reads the names: `making` does.
+view). Then `layered/` (the default where depth was measured), `patchmatch/` (where it was estimated) and `networks/`. This file
+imports no filler, since the command line's help reads the names: `making` does.
 """
 
 from __future__ import annotations
