@@ -24,8 +24,6 @@ REUSE_PENALTY = 30.0
 """Penalty, in squared grey levels, for each repeated use of a source."""
 OTHER_SURFACE = 1000.0
 """Penalty, in squared grey levels, of a patch centred on another surface, where surfaces are given."""
-LARGEST_MATCHED = 3_000_000
-"""Largest picture in pixels in which patches are matched; a larger one takes the matches of the level below."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +38,15 @@ class Effort:
     """Steps of PatchMatch per round."""
     pairs: int
     """Most comparisons of the exhaustive search in the coarsest level."""
+    largest: int
+    """Pixels of the largest level in which patches are matched; a larger one takes the matches of the level below."""
     at_full_size: bool
-    """Whether patches are matched at full size, too; else the matches at half the size are taken."""
+    """Whether patches are matched at full size, too."""
 
 
-THOROUGH, QUICK = Effort(6, 400_000, 2, 4_000_000, True), Effort(4, 100_000, 1, 1_000_000, False)
-"""QUICK: over layers of known depth, matches at full size gain nothing (tune, without them: views MSE -3, LPIPS -2 %,
-removals -1 and -1 %)."""
+THOROUGH = Effort(6, 400_000, 2, 4_000_000, 3_000_000, True)
+QUICK = Effort(4, 100_000, 1, 1_000_000, 800_000, False)
+"""Over surfaces of known depth, whose larger levels gain nothing from matches of their own."""
 
 
 def complete_picture(
@@ -94,7 +94,7 @@ def complete_picture(
 
 def is_matched(hole: BoolArray, number: int, effort: Effort) -> bool:
     """Whether patches of a level (its hole, H x W; its number, 0 = the finest) are matched, if there is a coarser one."""
-    return hole.size <= LARGEST_MATCHED and (number > 0 or effort.at_full_size)
+    return hole.size <= effort.largest and (number > 0 or effort.at_full_size)
 
 
 def count_rounds(targets: int, effort: Effort) -> int:
