@@ -84,6 +84,16 @@ def test_a_box_round_the_object(scene: tuple[RGBD, np.ndarray]) -> None:
     assert not trimmed[row, column] and iou(trimmed, true) > 0.6, "a negative click on the object takes a part of it"
 
 
+def test_a_negative_click_amid_the_only_object_of_a_box_leaves_nothing() -> None:
+    """Law: what is close to the outline of such an object is its rim, no object of its own."""
+    made = world(942)
+    camera = made.camera(0, 320)
+    with_object, without = (made.frame(camera, object=shown) for shown in (True, False))
+    true = with_object.depth != without.depth
+    with pytest.raises(MaskError, match="nothing is left in box but what not_clicks are on"):
+        find_mask(with_object, box=box_round(true, 4), not_clicks=[innermost_pixel(true)])
+
+
 LEAVES = Box((-0.9, -0.4, 2.6), (-0.02, 1.0, 2.65)), Box((0.02, -0.4, 2.6), (0.9, 1.0, 2.65))
 """Two boxes 4 cm apart, through which the wall shows."""
 STOOL = Box((-0.4, 0.5, 2.0), (0.4, 1.0, 2.1))

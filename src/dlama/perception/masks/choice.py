@@ -80,6 +80,12 @@ class Masker:
         found = self.masks_apart_from(others, network, prompt)
         if not found and others.any():
             found = self.masks_apart_from(np.zeros_like(others), network, prompt)
+        elif others.any():
+            apart = ~dilate_mask(others, 2 * network.reach)
+            if not any((mask & apart).any() for mask in found.values()):  # a rim of theirs
+                raise MaskError(
+                    "nothing is left in `box` but what `not_clicks` are on; another box is expected, or fewer of them"
+                )
         if not found:
             raise MaskError("box holds nothing that stands apart; a box round an object is expected, or clicks on it")
         return found
