@@ -59,12 +59,11 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     removed, uncovered = (
         view.color_hole & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
     )
-    unseen, copied, hidden = unseen_colors(view), removed | uncovered, view.color_hole
+    unseen, copied = unseen_colors(view), removed | uncovered
     guessed = network is not None and (copied.any() or (context.law.misplaced_edges and unseen.any()))
-    if removed.any() or guessed:
+    if network is not None and guessed:
         hidden, shadow_notes = hide_from_painter(view, surfaces, depth, context.law, coarsely=not removed.any())
         notes |= shadow_notes
-    if network is not None and guessed:
         side = GUESS_SIDE if removed.any() else VIEW_SIDE
         guessing = begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)
     color = view.color
@@ -78,13 +77,15 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     if network is not None and guessed:
         guess = guessing()
         notes["guess"] = network.notes()
-        behind = removed | (hidden & ~view.color_hole) if removed.any() else removed
-        start = replace_pixels(color, behind, guess)
+        color = start = replace_pixels(color, removed, guess)
+        copied &= ~removed
         if context.law.misplaced_edges:
+            start = color.copy()
             start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
     if copied.any():
-        label = None if guessed and removed.any() else surfaces.label
-        color = copy_patches(view, color, start, label, copied, hidden, seed)
+        color = copy_patches(color, start, copied, surfaces.label, seed)
+    if guessed and removed.any():
+        color = replace_removed(view, color, guess, removed, hidden, seed)
     painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     color = blend_with_low_frequency(view, color, painted, w, surfaces.label, smooth)
     if guessed and uncovered.any():
@@ -93,31 +94,30 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
 
 
 def copy_patches(
-    view: View,
-    color: UInt8Array,
-    start: UInt8Array,
-    label: NDArray[np.int8] | None,
-    copied: BoolArray,
-    hidden: BoolArray,
-    seed: int,
+    color: UInt8Array, start: UInt8Array, copied: BoolArray, label: NDArray[np.int8], seed: int
 ) -> UInt8Array:
     """H x W x 3: colours with patches of the picture in `copied` (H x W).
 
-    color: H x W x 3, painted but in `copied`; start: H x W x 3, what the patches begin from; label: H x W, surfaces that patches
-    rather come from; None: a network painted what is behind the removed objects; hidden: H x W, what it did not see.
+    color: H x W x 3; start: H x W x 3, what the patches begin from; label: H x W, surfaces that patches rather come from.
     """
-    removed = copied & (view.hole_type == HoleType.OBJECT.value)
-    near = hidden & ~view.color_hole & removed.any()
+    painted, _ = complete_picture(color, copied, start, seed, label=label, effort=QUICK)
+    return blend_with_guess(painted, start, copied)
+
+
+def replace_removed(
+    view: View, color: UInt8Array, guess: UInt8Array, removed: BoolArray, hidden: BoolArray, seed: int
+) -> UInt8Array:
+    """H x W x 3: colours with patches of the picture, from any surface, where an object was removed (H x W).
+
+    color: H x W x 3, painted elsewhere; guess: H x W x 3, the network's; hidden: H x W, what it did not see: no patch near the
+    object shows any of it.
+    """
+    near = hidden & ~view.color_hole
     if near.any():
-        near &= removed.ravel()[nearest_known(copied)[1]]
-    out, levels = complete_picture(color, copied | near, start, seed, label=label, effort=QUICK)
-    rest = copied
-    if label is None:
-        spread = np.zeros(removed.shape, np.float32)
-        spread[copied | near] = levels
-        out = blend_with_guess(out, start, removed, view.color_hole | near, spread=spread)
-        rest = copied & ~removed
-    if rest.any():
-        out = blend_with_guess(out, start, rest)
+        near &= removed.ravel()[nearest_known(view.color_hole)[1]]
+    painted, levels = complete_picture(color, removed | near, guess, seed, effort=QUICK)
+    spread = np.zeros(removed.shape, np.float32)
+    spread[removed | near] = levels
+    out = blend_with_guess(painted, guess, removed, view.color_hole | near, spread=spread)
     paste(color, near, out)
     return out
