@@ -82,57 +82,6 @@ def relax(base, usable, cells, mean, screen, sweeps):
     return base
 
 
-def farthest(colors, depths, sources):
-    """Mean over the known cells of each 2 x 2 block that lie within 10 % of its farthest."""
-    rows, cols = (math.ceil(n / 2) for n in depths.shape)
-    out, far = np.zeros((rows, cols, 3)), np.full((rows, cols), -1.0)
-    for r, c in itertools.product(range(rows), range(cols)):
-        block = np.s_[2 * r : 2 * r + 2, 2 * c : 2 * c + 2]
-        known = sources[block] != -2
-        if known.any():
-            near = known & (depths[block] <= 1.1 * depths[block][known].min())
-            out[r, c], far[r, c] = colors[block][near].mean(0), depths[block][near].mean()
-    return out, far
-
-
-def even_out(colors, far, radius):
-    """Mean over the window's known cells within 8 % of the centre's inverse depth."""
-    out = np.zeros(colors.shape)
-    for y, x in zip(*np.nonzero(far >= 0)):
-        window = np.s_[max(0, y - radius) : y + radius + 1, max(0, x - radius) : x + radius + 1]
-        like = (far[window] >= 0) & (np.abs(far[window] - far[y, x]) <= 0.08 * far[y, x])
-        out[y, x] = colors[window][like].mean(0)
-    return out
-
-
-def spread(base, depth, reached, cells, mean, screen, sweeps):
-    """Weighted means of reached neighbours that are not nearer, in order, forwards and backwards in turn."""
-    base, reached = base.astype(float), reached.copy()
-    for sweep in range(sweeps):
-        for p in range(len(cells)) if sweep % 2 == 0 else reversed(range(len(cells))):
-            y, x = divmod(int(cells[p]), depth.shape[1])
-            own, total, colour = depth[y, x] + 1e-6, screen[p], screen[p] * mean[p]
-            for q in neighbours(y, x, depth.shape):
-                other = depth[q] + 1e-6
-                if reached[q] and depth[q] >= 0 and other <= 1.1 * own:
-                    share = max(0.02, min(other / own, own / other) ** 4)
-                    total, colour = total + share, colour + share * base[q]
-            base[y, x] = colour / total if total else base[y, x]
-            reached[y, x] |= total > screen[p]
-    return base
-
-
-def skirt(base, depth, inside):
-    """Cells beside the inside that are unknown or nearer than it become the mean of their inside neighbours."""
-    out = base.astype(float)
-    for y, x in zip(*np.nonzero(~inside)):
-        window = np.s_[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2]
-        within = inside[window]
-        if within.any() and (depth[y, x] < 0 or depth[y, x] > 1.1 * depth[window][within].min()):
-            out[y, x] = base[window][within].mean(0)
-    return out
-
-
 def paint(color, pixels, base, cell):
     """The pixels in the colours of a grid of cells, bilinear, rounded."""
     out = color.copy()

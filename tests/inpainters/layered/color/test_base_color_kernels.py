@@ -68,31 +68,6 @@ def test_relax(rng):
     np.testing.assert_allclose(base, theirs, atol=1e-2)
 
 
-def test_depth_base(rng):
-    """Oracle: literal twins of farthest, even_out, spread and skirt."""
-    color, hole, depth, label = picture(rng)
-    sources = np.where(hole | (rng.random(SHAPE) < 0.3), -2, label).astype(np.int8)
-    ours = base_kernels.farthest(color.astype(np.float32), depth, sources)
-    for a, b in zip(ours, twin.farthest(color.astype(float), depth, sources)):
-        np.testing.assert_allclose(a, b, rtol=1e-5)
-    colors, far = ours
-    far[rng.random(far.shape) < 0.4] = -1
-    base = base_kernels.even_out(colors, far, 2)
-    np.testing.assert_allclose(base, twin.even_out(colors, far, 2), rtol=1e-5)
-    cells = np.flatnonzero(far < 0)
-    full = np.where(far < 0, rng.uniform(0, 0.6, far.shape), far).astype(np.float32)
-    mean = rng.uniform(0, 255, (len(cells), 3))
-    screen = 0.01 * (rng.random(len(cells)) < 0.7)
-    theirs = twin.spread(base, full, far >= 0, cells, mean, screen, 5)
-    base_kernels.spread(base, full, far >= 0, cells, mean, screen, 5)
-    np.testing.assert_allclose(base, theirs, atol=1e-2)
-    partly = np.where(rng.random(far.shape) < 0.2, np.float32(-1), full)
-    inside = (partly >= 0) & (rng.random(far.shape) < 0.5)
-    ours = base_kernels.skirt(base, partly, inside)
-    assert (ours != base).any()
-    np.testing.assert_allclose(ours, twin.skirt(base, partly, inside), atol=1e-3)
-
-
 def test_paint(rng):
     """Oracle: literal twin, to one grey level (a rounding may fall either way)."""
     color = rng.integers(0, 256, (*SHAPE, 3), dtype=np.uint8)

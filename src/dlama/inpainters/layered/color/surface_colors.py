@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -32,8 +32,8 @@ BAND = 2048
 """Pixels per task."""
 SCREEN = 0.002
 """Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
-DEPTH_SCREEN = 0.002
-"""The same for no plane, towards the mean of all cells at that depth and behind: a small rim must not colour everything."""
+NEARER = 1.1
+"""Ratio of inverse depths from which a cell is nearer than what lies on no plane, and gives it no colour."""
 
 
 def paint_surfaces(view: View, surfaces: Surfaces, context: FillContext) -> UInt8Array:
@@ -64,12 +64,9 @@ def paint_leaves(color: UInt8Array, view: View, leaves: NDArray[np.intp]) -> UIn
     return out
 
 
-@dataclass(frozen=True)
-class HoleRegion:
+class HoleRegion(NamedTuple):
     """The pixels of the hole that lie on one surface, and the cells that give them colour."""
 
-    label: int
-    """-1 non-planar, 0 sky, k >= 1 the k-th plane."""
     pixels: NDArray[np.int64]
     """Flat indices of the hole pixels."""
     cells: NDArray[np.int64]
@@ -99,68 +96,37 @@ def spread_colors(
     out[hole] = GREY
     out[hole & (label == SKY) & ~hole.all()] = SKY_COLOR if sky is None else np.rint(sky)
     grid = CellGrid.of(color, hole, inverse_depth, label, np.zeros_like(hole) if spoiled is None else spoiled)
-    regions = sorted(hole_regions(grid, hole, label), key=lambda region: -len(region.pixels))
+    regions = sorted(hole_regions(grid, hole, inverse_depth, label), key=lambda region: -len(region.pixels))
 
     def paint_regions(first: int, last: int) -> None:
         for region in regions[first:last]:
             if region.sources.any():
-                base = surface_base(grid, region) if region.label >= 0 else depth_base(grid, region, inverse_depth)
+                base = surface_base(grid, region)
                 in_bands(paint_pixels, len(region.pixels), region.pixels, base, 2 * grid.size, out, band=BAND)
 
     in_bands(paint_regions, len(regions), band=1)
     return out
 
 
-def hole_regions(grid: CellGrid, hole: BoolArray, label: Labels) -> Iterator[HoleRegion]:
-    """The hole split into regions: sufficiently visible planes and sky, and the rest as one (label -1)."""
+def hole_regions(grid: CellGrid, hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Iterator[HoleRegion]:
+    """The hole split into regions: sufficiently visible planes and sky, and the rest by its depth, in octaves, which takes colour
+    from all that is no nearer."""
     holes = np.flatnonzero(hole)
     rows, cols = np.divmod(holes, hole.shape[1])
     size = 2 * grid.size
     cells = (rows // size) * -(-hole.shape[1] // size) + cols // size
-    labels = label.ravel()[holes]
+    labels, w = label.ravel()[holes], inverse_depth.ravel()[holes]
     rest = np.ones(len(holes), np.bool_)
     for number in np.unique(labels[labels >= 0]).tolist():
         sources, here = grid.label == number, labels == number
         if sources.sum() >= LEAST_CELLS or number == SKY:
             rest &= ~here
-            yield HoleRegion(number, holes[here], cells[here], sources)
-    if rest.any():
-        yield HoleRegion(-1, holes[rest], cells[rest], grid.label != UNTRUSTED)
-
-
-def depth_base(grid: CellGrid, region: HoleRegion, inverse_depth: Float32Array) -> Float32Array:
-    """rows x cols x 3 colours that spread from the rim between neighbours of similar depth, never from nearer ones.
-
-    Labels do not count: depth without a plane was interpolated from all its surroundings, and so is its colour.
-    """
-    colors, far = base_kernels.farthest(grid.color, grid.inverse_depth, grid.label)
-    known = base_kernels.even_out(colors, far, 2)
-    base = known.copy()
-    depth = np.full(far.size, np.inf, np.float32)
-    np.minimum.at(depth, region.cells, inverse_depth.ravel()[region.pixels])
-    inside = np.isfinite(depth).reshape(far.shape)
-    depth = np.where(inside, depth.reshape(far.shape), far)
-    cells = order_from_rim(inside)
-    mean, any_behind = _mean_behind(known, depth.ravel()[cells], far)
-    base.reshape(-1, 3)[cells] = np.where(any_behind[:, None], mean, GREY)
-    base_kernels.spread(base, depth, (far >= 0) & ~inside, cells, mean, DEPTH_SCREEN * any_behind, 80)
-    return base_kernels.skirt(base, depth, inside)
-
-
-def order_from_rim(inside: BoolArray) -> NDArray[np.int64]:
-    """Flat indices of the cells inside (rows x cols), in order of their distance from the outside."""
-    cells = np.flatnonzero(inside)
-    distance = cv2.distanceTransform(inside.view(np.uint8), cv2.DIST_L2, 3)
-    return cells[np.argsort(distance.ravel()[cells], kind="stable")]
-
-
-def _mean_behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> tuple[NDArray[np.float64], BoolArray]:
-    """For each of N inverse depths: mean colour (N x 3) of all known cells there and behind, and whether there are any."""
-    known = far >= 0
-    order = np.argsort(far[known], kind="stable")
-    count = np.searchsorted(far[known][order], 1.1 * depth + 1e-6, side="right")
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(base[known][order], axis=0, dtype=np.float64)])
-    return sums[count] / np.maximum(count, 1)[:, None], count > 0
+            yield HoleRegion(holes[here], cells[here], sources)
+    octave = np.floor(np.log2(np.maximum(w, np.float32(1e-6))))
+    for number in np.unique(octave[rest]).tolist():
+        here = rest & (octave == number)
+        behind = (grid.label != UNTRUSTED) & (grid.inverse_depth <= NEARER * w[here].max())
+        yield HoleRegion(holes[here], cells[here], behind)
 
 
 def surface_base(grid: CellGrid, region: HoleRegion) -> Float32Array:
