@@ -24,6 +24,8 @@ REUSE_PENALTY = 30.0
 """Penalty, in squared grey levels, for each repeated use of a source."""
 OTHER_SURFACE = 1000.0
 """Penalty, in squared grey levels, of a patch centred on another surface, where surfaces are given."""
+STRIDE = 2
+"""Pixels between the patches of a picture with a large hole, which takes the matches of a smaller level."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Effort:
     pairs: int
     """Most comparisons of the exhaustive search in the coarsest level."""
     largest: int
-    """Pixels of the largest level in which patches are matched; a larger one takes the matches of the level below."""
+    """Pixels of the largest level in which patches are matched; the picture itself, if larger, takes the matches of that one."""
     at_full_size: bool
     """Whether patches are matched at full size, too."""
 
@@ -74,16 +76,19 @@ def complete_picture(
     coarser: Search | None = None
     while levels:
         level = levels.pop()
-        side = max(hole.shape) / 2 ** len(levels)
+        number = len(levels)
+        matched = coarser is None or is_matched(level.hole, number, effort)
+        if not matched and number:  # its matches would be those of the level below
+            continue
+        side = max(hole.shape) / 2**number
         penalties = DISTANCE_DOWN / side**2, DISTANCE_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE
-        search = Search(level, rng, np.array(penalties, np.float32))
-        matched = is_matched(level.hole, len(levels), effort)
+        search = Search(level, rng, np.array(penalties, np.float32), 1 if level.values.size else STRIDE)
         if coarser is None:
             search.compare_all(rng, effort.pairs)
-            matched = True
         else:
             search.start_from(coarser, compare=matched)
-        improve(search, effort, matched, finest=not levels)
+        if level.values.size:
+            improve(search, effort, matched, finest=not levels)
         if levels:
             search.keep_matches()
         coarser = search

@@ -35,10 +35,15 @@ DRAWN = 65536
 class Search:
     """The search on one level: patches that touch the hole, and the known patch matched to each; mutable."""
 
-    def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array) -> None:
+    def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array, stride: int = 1) -> None:
+        """weights: penalties, as of `kernels.Penalties`; stride: pixels between the patches."""
         self.values, self.sources, self.label = level.values, level.sources, level.label
         """As of Level; the values of the hole change."""
         touched = dilate_by_patch(level.hole)
+        if stride > 1:
+            grid = np.zeros_like(touched)
+            grid[::stride, ::stride] = True
+            touched &= grid
         self.pixels, self.targets = places(level.hole), places(touched)
         """M x 2, pixels of the hole; N x 2, centres of patches that touch it."""
         self.number = np.full(level.hole.shape, -1, np.int32)
@@ -71,12 +76,13 @@ class Search:
         self._run(kernels.search_rows, self.patches, sources, penalties, self.matches)
 
     def start_from(self, coarser: Search, compare: bool) -> None:
-        """Start with the matches and colours of the coarser level (half the size); with its costs, too, or `compare` anew."""
-        parent = self.targets // 2
+        """Start with the matches and colours of a coarser level; with its costs, too, or `compare` anew."""
+        times = 2 ** round(np.log2(len(self.number) / len(coarser.number)))
+        parent = self.targets // times
         above = coarser.number[parent[:, 0], parent[:, 1]]
         moved = coarser.found[above]
         moved -= parent
-        moved *= 2
+        moved *= times
         moved[above < 0] = 0
         moved += self.targets
         self.found[:] = nearest_source(self.sources, moved)
