@@ -73,10 +73,9 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     if not context.law.misplaced_edges:
         copied &= ~unseen | (surfaces.label != SKY)  # copied clouds end in hard edges
         copied.ravel()[find_leaves(view, surfaces)[0]] = False
-    start = color
-    if network is not None and guessed:
+    start, guess = color, None
+    if guessed and (removed.any() or context.law.misplaced_edges):
         guess = guessing()
-        notes["guess"] = network.notes()
         color = start = replace_pixels(color, removed, guess)
         copied &= ~removed
         if context.law.misplaced_edges:
@@ -84,11 +83,14 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
             start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
     if copied.any():
         color = copy_patches(color, start, copied, surfaces.label, seed)
-    if guessed and removed.any():
-        color = replace_removed(view, color, guess, removed, hidden, seed)
+    if network is not None and guessed:
+        guess = guessing() if guess is None else guess  # patches of exact depth need none, and take as long
+        notes["guess"] = network.notes()
+        if removed.any():
+            color = replace_removed(view, color, guess, removed, hidden, seed)
     painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     color = blend_with_low_frequency(view, color, painted, w, surfaces.label, smooth)
-    if guessed and uncovered.any():
+    if guess is not None and uncovered.any():
         color = blend_with_guess(color, guess, uncovered, guess_share=DISOCCLUDED_SHARE)
     return Fill(color, depth, moved, notes)
 
