@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -95,6 +97,17 @@ def test_of_two_surfaces_the_own_one_is_copied(own: int) -> None:
     done = complete_picture(picture, HOLE, np.full_like(picture, 125), label=label, effort=QUICK)[0]
     deep = (np.abs(ROWS - 50) < 10) & (np.abs(COLUMNS - 60) < 13)
     assert np.abs(done[deep].astype(int) - levels[own]).mean() < 2
+
+
+def test_a_large_picture_takes_the_matches_of_a_small_one() -> None:
+    """Truth: a wall whose pattern repeats, 4 times as large as the largest level that is matched; the guess is its mean. Every
+    pixel of the hole is covered though only every second patch is copied."""
+    wall, hole = (each.repeat(4, 0).repeat(4, 1) for each in (brick_wall(), HOLE))
+    effort = dataclasses.replace(QUICK, updates=1, largest=HOLE.size)
+    guess = np.broadcast_to(wall[~hole].mean(0).astype(np.uint8), wall.shape)
+    done = complete_picture(np.where(hole[..., None], np.uint8(0), wall), hole, guess, effort=effort)[0]
+    np.testing.assert_array_equal(done[~hole], wall[~hole])
+    assert (np.abs(done[hole].astype(int) - wall[hole]).max(-1) <= 20).mean() > 0.8
 
 
 @pytest.mark.parametrize("hole", [np.ones((40, 40), np.bool_), np.indices((40, 40))[1] % 5 == 0], ids=["all", "bars"])

@@ -26,7 +26,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess, unseen_colors
 from dlama.inpainters.layered.color.surface_colors import find_leaves, paint_surfaces
-from dlama.inpainters.layered.depth.surfaces import continue_lawfully
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import hide_from_painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
@@ -59,31 +59,28 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     removed, uncovered = (
         view.color_hole & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
     )
-    unseen, copied = unseen_colors(view), removed | uncovered
-    guessed = network is not None and (copied.any() or (context.law.misplaced_edges and unseen.any()))
-    if network is not None and guessed:
+    unseen, misplaced, guessing, guess = unseen_colors(view), context.law.misplaced_edges, None, None
+    if network is not None and (removed | uncovered | (unseen & misplaced)).any():
         hidden, shadow_notes = hide_from_painter(view, surfaces, depth, context.law, coarsely=not removed.any())
         notes |= shadow_notes
         side = GUESS_SIDE if removed.any() else VIEW_SIDE
         guessing = begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)
     color = view.color
-    if not guessed or (view.color_hole & ~removed).any():
+    if guessing is None or (view.color_hole & ~removed).any():
         color = paint_surfaces(view, surfaces, context)
-    copied |= unseen
-    if not context.law.misplaced_edges:
-        copied &= ~unseen | (surfaces.label != SKY)  # copied clouds end in hard edges
-        copied.ravel()[find_leaves(view, surfaces)[0]] = False
-    start, guess = color, None
-    if guessed and (removed.any() or context.law.misplaced_edges):
+    start, copied = color, removed | uncovered | unseen
+    if not misplaced:
+        copied &= have_texture(view, surfaces, unseen)
+    if guessing is not None and (misplaced or removed.any()):
         guess = guessing()
         color = start = replace_pixels(color, removed, guess)
         copied &= ~removed
-        if context.law.misplaced_edges:
+        if misplaced:
             start = color.copy()
             start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
     if copied.any():
         color = copy_patches(color, start, copied, surfaces.label, seed)
-    if network is not None and guessed:
+    if network is not None and guessing is not None:
         guess = guessing() if guess is None else guess  # patches of exact depth need none, and take as long
         notes["guess"] = network.notes()
         if removed.any():
@@ -93,6 +90,14 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     if guess is not None and uncovered.any():
         color = blend_with_guess(color, guess, uncovered, guess_share=DISOCCLUDED_SHARE)
     return Fill(color, depth, moved, notes)
+
+
+def have_texture(view: View, surfaces: Surfaces, unseen: BoolArray) -> BoolArray:
+    """H x W, False in pixels of the hole without a texture to copy: in sky out of view (`unseen`, H x W), since copied clouds end
+    in hard edges, and in foliage, whose leaves are copied already."""
+    out = ~unseen | (surfaces.label != SKY)
+    out.ravel()[find_leaves(view, surfaces)[0]] = False
+    return out
 
 
 def copy_patches(
