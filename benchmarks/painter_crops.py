@@ -25,9 +25,9 @@ from dlama.geometry.holes import box_around, dilate_square, shrink_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, unseen_colors
+from dlama.inpainters.layered.color.surface_colors import paint_surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import hide_from_painter
-from dlama.inpainters.layered.filler import paint_surfaces
 from dlama.inpainters.networks.view_tensors import levels_of
 from dlama.perception.masks.salient import saliency
 from dlama.training.data.photos import read_photo
@@ -146,7 +146,7 @@ def planes_of_view(task: FillTask) -> Planes:
     view, law, size = task.view, task.context.law, (VIEW_SIDE, VIEW_SIDE)
     surfaces, depth, _ = continue_lawfully(view, task.context, 0)
     hidden, _ = hide_from_painter(view, surfaces, depth, law, coarsely=True)
-    painted = paint_surfaces(view, surfaces, task.context, 0, detail=not law.misplaced_edges)
+    painted = paint_surfaces(view, surfaces, task.context)
     holes, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     painted = blend_with_low_frequency(view, painted, holes, w, surfaces.label)
     seen, share = shrink_known(view.color, ~hidden, size)

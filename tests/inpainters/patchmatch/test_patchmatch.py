@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from brick_walls import brick_wall
+from brick_walls import COLUMNS, ROWS, brick_wall
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels import jit
@@ -30,7 +30,6 @@ from dlama.inpainters.patchmatch.pyramid import (
 )
 from dlama.inpainters.patchmatch.search import nearest_source
 
-ROWS, COLUMNS = np.indices((96, 128))
 HOLE = (np.abs(ROWS - 50) < 14) & (np.abs(COLUMNS - 60) < 17)
 
 

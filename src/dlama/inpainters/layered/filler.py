@@ -68,18 +68,17 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     color = view.color
     if guessing is None or (view.color_hole & ~removed).any():
         color = paint_surfaces(view, surfaces, context)
-    start, copied = color, removed | uncovered | unseen
+    copied = removed | uncovered | unseen
     if not misplaced:
         copied &= have_texture(view, surfaces, unseen)
     if guessing is not None and (misplaced or removed.any()):
         guess = guessing()
-        color = start = replace_pixels(color, removed, guess)
+        color = replace_pixels(color, removed, guess)
         copied &= ~removed
         if misplaced:
-            start = color.copy()
-            start[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
+            color[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
     if copied.any():
-        color = copy_patches(color, start, copied, surfaces.label, seed)
+        color = copy_patches(color, copied, surfaces.label, seed)
     if network is not None and guessing is not None:
         guess = guessing() if guess is None else guess  # patches of exact depth need none, and take as long
         notes["guess"] = network.notes()
@@ -100,15 +99,13 @@ def have_texture(view: View, surfaces: Surfaces, unseen: BoolArray) -> BoolArray
     return out
 
 
-def copy_patches(
-    color: UInt8Array, start: UInt8Array, copied: BoolArray, label: NDArray[np.int8], seed: int
-) -> UInt8Array:
+def copy_patches(color: UInt8Array, copied: BoolArray, label: NDArray[np.int8], seed: int) -> UInt8Array:
     """H x W x 3: colours with patches of the picture in `copied` (H x W).
 
-    color: H x W x 3; start: H x W x 3, what the patches begin from; label: H x W, surfaces that patches rather come from.
+    color: H x W x 3, in `copied` what the patches begin from; label: H x W, surfaces that patches rather come from.
     """
-    painted, _ = complete_picture(color, copied, start, seed, label=label, effort=QUICK)
-    return blend_with_guess(painted, start, copied)
+    painted, _ = complete_picture(color, copied, color, seed, label=label, effort=QUICK)
+    return blend_with_guess(painted, color, copied)
 
 
 def replace_removed(
