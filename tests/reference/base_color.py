@@ -80,13 +80,3 @@ def relax(base, usable, cells, mean, screen, sweeps):
             goal = (sum(beside) + screen * mean) / (len(beside) + screen)
             base[y, x] += 1.6 * (goal - base[y, x])
     return base
-
-
-def paint(color, pixels, base, cell):
-    """The pixels in the colours of a grid of cells, bilinear, rounded."""
-    out = color.copy()
-    for p in pixels:
-        y, x = divmod(int(p), color.shape[1])
-        value = bilinear(base, (x + 0.5) / cell, (y + 0.5) / cell)
-        out[y, x] = [int(min(255, max(0, v + 0.5))) for v in value]
-    return out

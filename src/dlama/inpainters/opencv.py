@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.holes import larger_box, shrink_known, smaller_size
+from dlama.geometry.kernels.enlarging import enlarge_at
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, paste
@@ -91,11 +92,9 @@ def spread_small(colors: np.ndarray, known: BoolArray, where: BoolArray | None =
     filled = np.asarray((pull_push(colors, known) + telea_spread(colors, known)) / 2, np.float32)
     if not smaller:
         return filled if where is None else filled[where]
-    out = np.empty((height, width, 3) if where is None else (where.sum(), 3), np.float32)
-    for channel in range(3):  # one at a time: at full size they are floats
-        large = cv2.resize(filled[..., channel], (width, height), interpolation=cv2.INTER_LINEAR)
-        out[..., channel] = large if where is None else large[where]
-    return out
+    pixels = np.arange(height * width) if where is None else np.flatnonzero(where)
+    out = enlarge_at(filled, pixels, width, (height / len(filled), width / filled.shape[1]))
+    return out.reshape(height, width, 3) if where is None else out
 
 
 def telea_spread(colors: np.ndarray, known: BoolArray) -> Float32Array:

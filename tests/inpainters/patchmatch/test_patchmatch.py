@@ -19,30 +19,22 @@ from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
 from dlama.inpainters.patchmatch import search
-from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
-from dlama.inpainters.patchmatch.pyramid import (
-    BAND,
-    build_pyramid,
-    describe_both,
-    describe_pixels,
-    halve,
-    halve_picture,
-)
+from dlama.inpainters.patchmatch.completion import QUICK, complete_picture, times_smaller
+from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_known, halve, shrink
 from dlama.inpainters.patchmatch.search import nearest_source
 
 HOLE = (np.abs(ROWS - 50) < 14) & (np.abs(COLUMNS - 60) < 17)
 
 
-def guess_of(picture: np.ndarray) -> np.ndarray:
-    """The picture's mean colour all over: nothing of the pattern."""
-    return np.broadcast_to(picture[~HOLE].mean(0).astype(np.uint8), picture.shape).copy()
+def with_mean(picture: np.ndarray) -> np.ndarray:
+    """The picture, in the hole its mean colour: nothing of the pattern."""
+    return np.where(HOLE[..., None], picture[~HOLE].mean(0).astype(np.uint8), picture)
 
 
 def test_a_pattern_goes_on_whatever_the_guess() -> None:
     """Truth: a wall whose pattern repeats; of a grey guess of it hardly a pixel is left wrong."""
     wall = brick_wall()
-    blind = np.where(HOLE[..., None], np.uint8(0), wall)
-    done = complete_picture(blind, HOLE, guess_of(wall))[0]
+    done = complete_picture(with_mean(wall), HOLE)[0]
     np.testing.assert_array_equal(done[~HOLE], wall[~HOLE])
     wrong = np.abs(done.astype(int) - wall).max(-1)[HOLE]
     assert (wrong <= 12).mean() > 0.9
@@ -57,7 +49,7 @@ def test_the_structure_of_a_networks_guess_stays(monkeypatch: pytest.MonkeyPatch
     off = {}
     for pull in (0, search.PULL):
         monkeypatch.setattr(search, "PULL", pull)
-        done = complete_picture(picture, HOLE, guess)[0].astype(np.float32)
+        done = complete_picture(guess, HOLE)[0].astype(np.float32)
         off[pull] = np.abs(cv2.blur(done - guess, (9, 9)))[HOLE].mean()
         assert 6 < (done - cv2.blur(done, (5, 5)))[HOLE].std() < 18
     assert off[search.PULL] < 0.7 * off[0]
@@ -66,10 +58,8 @@ def test_the_structure_of_a_networks_guess_stays(monkeypatch: pytest.MonkeyPatch
 def test_nothing_is_painted_that_the_picture_does_not_show() -> None:
     """Law: a guess full of red in a picture of blue above green leaves no red, and ground stays below."""
     picture = np.where((ROWS < 50)[..., None], np.uint8([40, 60, 200]), np.uint8([40, 160, 60])).astype(np.uint8)
-    red = np.broadcast_to(np.uint8([250, 20, 20]), picture.shape)
-    done = complete_picture(picture, HOLE, np.where((np.abs(ROWS - 50) < 8)[..., None], red, picture).astype(np.uint8))[
-        0
-    ]
+    guess = np.where((HOLE & (np.abs(ROWS - 50) < 8))[..., None], np.uint8([250, 20, 20]), picture)
+    done = complete_picture(guess, HOLE)[0]
     assert done[HOLE][:, 0].max() <= 41
     blue = done[..., 2] > done[..., 1]
     assert blue[HOLE & (ROWS < 42)].all() and not blue[HOLE & (ROWS > 58)].any()
@@ -81,9 +71,9 @@ def test_the_same_bits_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatc
     results = []
     for threads in (1, 3):
         monkeypatch.setattr(jit, "_most_threads", [threads])
-        results.append(complete_picture(noise, HOLE, guess_of(noise), seed=5)[0])
+        results.append(complete_picture(with_mean(noise), HOLE, seed=5)[0])
     np.testing.assert_array_equal(*results)
-    assert (complete_picture(noise, HOLE, guess_of(noise), seed=6)[0] != results[0]).any()
+    assert (complete_picture(with_mean(noise), HOLE, seed=6)[0] != results[0]).any()
 
 
 @pytest.mark.parametrize("own", [0, 1])
@@ -93,18 +83,21 @@ def test_of_two_surfaces_the_own_one_is_copied(own: int) -> None:
     levels = np.array([120, 130], np.uint8)
     picture = np.repeat(levels[np.where(left, 0, 1)][..., None], 3, 2)
     label = np.where(HOLE, own, np.where(left, 0, 1))
-    done = complete_picture(picture, HOLE, np.full_like(picture, 125), label=label, effort=QUICK)[0]
+    guess = np.where(HOLE[..., None], np.uint8(125), picture)
+    done = complete_picture(guess, HOLE, label=label, effort=QUICK)[0]
     deep = (np.abs(ROWS - 50) < 10) & (np.abs(COLUMNS - 60) < 13)
     assert np.abs(done[deep].astype(int) - levels[own]).mean() < 2
 
 
-def test_a_large_picture_takes_the_matches_of_a_small_one() -> None:
-    """Truth: a wall whose pattern repeats, 4 times as large as the largest level that is matched; the guess is its mean. Every
-    pixel of the hole is covered though only every second patch is copied."""
-    wall, hole = (each.repeat(4, 0).repeat(4, 1) for each in (brick_wall(), HOLE))
-    effort = dataclasses.replace(QUICK, updates=1, largest=HOLE.size)
-    guess = np.broadcast_to(wall[~hole].mean(0).astype(np.uint8), wall.shape)
-    done = complete_picture(np.where(hole[..., None], np.uint8(0), wall), hole, guess, effort=effort)[0]
+@pytest.mark.parametrize("limit", ["largest", "hole"])
+def test_a_large_picture_takes_the_matches_of_a_small_one(limit: str) -> None:
+    """Truth: a wall whose pattern repeats, 4 times as large as the largest picture, or hole, that is matched; the guess is its
+    mean. Every pixel of the hole is covered though only every second patch is copied."""
+    wall, guess, hole = (each.repeat(4, 0).repeat(4, 1) for each in (brick_wall(), with_mean(brick_wall()), HOLE))
+    most = {"largest": HOLE.size, "hole": int(HOLE.sum())}[limit]
+    effort = dataclasses.replace(QUICK, **{limit: most})
+    assert times_smaller(hole, effort) == 4
+    done = complete_picture(guess, hole, effort=effort)[0]
     np.testing.assert_array_equal(done[~hole], wall[~hole])
     assert (np.abs(done[hole].astype(int) - wall[hole]).max(-1) <= 20).mean() > 0.8
 
@@ -113,8 +106,7 @@ def test_a_large_picture_takes_the_matches_of_a_small_one() -> None:
 def test_without_a_known_patch_the_guess_stays(hole: np.ndarray) -> None:
     """Law: where no patch is whole, there is nothing to paint with."""
     picture = np.random.default_rng(0).integers(0, 256, (40, 40, 3), np.uint8)
-    guess = np.full_like(picture, 90)
-    np.testing.assert_array_equal(complete_picture(picture, hole, guess)[0], np.where(hole[..., None], guess, picture))
+    np.testing.assert_array_equal(complete_picture(picture, hole)[0], picture)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (5, 90), (33, 47)])
@@ -123,7 +115,7 @@ def test_any_size(shape: tuple[int, int]) -> None:
     picture = np.random.default_rng(0).integers(0, 256, (*shape, 3), np.uint8)
     hole = np.zeros(shape, np.bool_)
     hole[: shape[0] // 2 + 1, : shape[1] // 3 + 1] = True
-    done = complete_picture(picture, hole, np.full_like(picture, 128))[0]
+    done = complete_picture(picture, hole)[0]
     np.testing.assert_array_equal(done[~hole], picture[~hole])
     assert done.shape == picture.shape and done.dtype == np.uint8
 
@@ -137,8 +129,8 @@ def test_coarser_pictures_are_means_of_what_is_known() -> None:
     assert small.shape == (5, 6, 2) and smaller.sum() == 2
     np.testing.assert_allclose(small[~smaller], 7, rtol=1e-6)
     assert (small[smaller] > 30).all()
-    picture = np.full((96, 128, 3), 50, np.uint8)
-    levels = build_pyramid(picture, HOLE, np.full_like(picture, 90), ROWS.astype(np.int32))
+    picture = np.where(HOLE[..., None], np.uint8(90), np.full(3, 50, np.uint8))
+    levels = build_pyramid(picture, HOLE, ROWS.astype(np.int32))
     assert len(levels) > 1 and levels[0].values.shape[:2] == HOLE.shape
     for level in levels:
         assert (level.values[~level.hole][:, :3] < 52).all() and level.values[level.hole][:, :3].max() > 80
@@ -146,19 +138,27 @@ def test_coarser_pictures_are_means_of_what_is_known() -> None:
         assert level.label.shape == level.hole.shape and level.label[1, 0] == ROWS.shape[0] // level.hole.shape[0]
 
 
-def test_a_picture_is_halved_in_bands() -> None:
-    """Twin: the whole of it described, then halved, to the bit."""
+def test_a_smaller_picture_has_means_of_what_is_known() -> None:
+    """Twin: numpy's means over blocks of 4 x 4 px, where half or more is known of known pixels, to two levels: sums and shares
+    are rounded. The last row and column of blocks are those of the border repeated."""
     rng = np.random.default_rng(5)
-    picture, guess = rng.integers(0, 256, (2, 4 * BAND + 61, 37, 3), np.uint8)
-    hole = np.indices(picture.shape[:2]).sum(0) % 90 < 25
-    for found, expected in zip(halve_picture(picture, hole, guess), halve(describe_both(picture, hole, guess), hole)):
-        np.testing.assert_array_equal(found, expected)
+    picture = rng.integers(0, 256, (37, 42, 3), np.uint8)
+    hole = rng.random((37, 42)) < np.linspace(0, 1, 42)
+    small, smaller, label = shrink(picture, hole, np.indices(hole.shape)[1], 4)
+    colors, known = (np.pad(each, [(0, 3), (0, 2), (0, 0)], "edge") for each in (picture, ~hole[..., None]))
+    blocks, shares = (each.reshape(10, 4, 11, 4, -1).swapaxes(1, 2) for each in (colors.astype(float), known))
+    share = shares.mean((2, 3))
+    np.testing.assert_array_equal(smaller, share[..., 0] < 0.5)
+    means = np.where(share < 0.5, blocks.mean((2, 3)), (blocks * shares).mean((2, 3)) / np.maximum(share, 0.1))
+    np.testing.assert_allclose(small, means, atol=2.2)
+    np.testing.assert_array_equal(label[0], np.arange(0, 42, 4))
+    np.testing.assert_array_equal(shrink(picture, hole, label, 1)[0], picture)
 
 
 def test_texture_is_the_mean_change_between_known_neighbours() -> None:
     """Closed form: a ramp of 4 levels a column changes by 4 across and by 0 along."""
     ramp = np.repeat(4 * np.indices((20, 30))[1][..., None], 3, 2).astype(np.uint8)
-    values = describe_pixels(ramp, np.ones((20, 30), np.bool_))
+    values = describe_known(ramp, np.ones((20, 30), np.bool_))
     np.testing.assert_array_equal(values[..., :3], ramp)
     texture = values[5:-5, 5:-5, 3:]
     np.testing.assert_allclose(texture, np.broadcast_to([8.0, 0.0], texture.shape), atol=1e-4)

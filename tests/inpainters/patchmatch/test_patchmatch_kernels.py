@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.kernels import HALF
@@ -78,36 +79,58 @@ def test_one_lucky_patch_tells_the_others() -> None:
     np.testing.assert_array_equal(costs, 0)
 
 
+def searched() -> tuple[Search, np.ndarray]:
+    """A search with random matches, costs and trust; and N mean costs about each patch."""
+    search = Search(Level(VALUES.copy(), HOLE, whole_patches(HOLE), LABEL), np.random.default_rng(0), LEAN)
+    search.found[:] = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))]
+    search.cost[:], search.trust[:] = RNG.uniform(1, 9, (2, len(TARGETS)))
+    np.testing.assert_array_equal(search.targets, TARGETS)
+    return search, np.array([search.cost[over(search, *target)[0]].mean() for target in TARGETS.tolist()])
+
+
+def over(search: Search, row: int, column: int, times: int = 1) -> tuple[list[int], list[tuple[int, int]]]:
+    """The patches that cover a pixel of a picture so many times larger, and where their centres lie next to it: of those at every
+    second pixel where it is larger."""
+    stride = min(times, 2)
+    places = [(j, i) for j in range(-HALF, HALF + 1) for i in range(-HALF, HALF + 1)]
+    places = [(j, i) for j, i in places if 0 <= row + j < times * HEIGHT and 0 <= column + i < times * WIDTH]
+    places = [(j, i) for j, i in places if (row + j) % stride == (column + i) % stride == 0]
+    number = [int(search.number[(row + j) // times, (column + i) // times]) for j, i in places]
+    return [t for t in number if t >= 0], [place for place, t in zip(places, number) if t >= 0]
+
+
 def test_votes_are_the_weighted_mean_of_a_literal_twin() -> None:
     """Twin: exp(-sharpness cost / 2 mean cost about the patch) times trust times a Gaussian, over all patches that cover the
-    pixel, of described pixels and, sharper, of the picture itself; the spread of its patches is numpy's."""
-    level = Level(VALUES.copy(), HOLE, whole_patches(HOLE), LABEL)
-    picture = VALUES[..., :3].astype(np.uint8)
-    search = Search(level, np.random.default_rng(0), LEAN)
-    found, costs, trust = search.found, search.cost, search.trust
-    found[:], costs[:] = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))], RNG.uniform(1, 9, len(TARGETS))
-    trust[:] = RNG.uniform(1, 9, len(TARGETS))
+    pixel, of described pixels."""
+    search, mean = searched()
     search._paint()
-    sharp, spread = np.zeros((*HOLE.shape, 3), np.float32), np.zeros(HOLE.shape, np.float32)
-    sharp[HOLE], spread[HOLE] = search.vote_sharply(picture)
-    np.testing.assert_array_equal(search.targets, TARGETS)
     np.testing.assert_array_equal(search.values[~HOLE], VALUES[~HOLE])
-
-    def over(row: int, column: int) -> tuple[list[int], list[tuple[int, int]]]:
-        """The patches that cover a pixel, and where their centres lie next to it."""
-        places = [(j, i) for j in range(-HALF, HALF + 1) for i in range(-HALF, HALF + 1)]
-        places = [(j, i) for j, i in places if 0 <= row + j < HEIGHT and 0 <= column + i < WIDTH]
-        places = [(j, i) for j, i in places if search.number[row + j, column + i] >= 0]
-        return [search.number[row + j, column + i] for j, i in places], places
-
-    mean = np.array([costs[over(*target)[0]].mean() for target in TARGETS.tolist()])
     for row, column in np.argwhere(HOLE).tolist():
-        patch, places = over(row, column)
-        off, ratio = np.array([j * j + i * i for j, i in places]), costs[patch] / (2 * mean[patch])
-        soft = np.exp(-SOFT * ratio - off / (2 * WIDE**2)) * trust[patch]
-        held = np.array([VALUES[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, places)])
+        patch, places = over(search, row, column)
+        off = np.array([j * j + i * i for j, i in places])
+        soft = np.exp(-SOFT * search.cost[patch] / (2 * mean[patch]) - off / (2 * WIDE**2)) * search.trust[patch]
+        held = [VALUES[search.found[t, 0] - j, search.found[t, 1] - i] for t, (j, i) in zip(patch, places)]
         np.testing.assert_allclose(search.values[row, column], np.average(held, axis=0, weights=soft), rtol=2e-3)
-        seen = np.array([picture[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, places)])
-        weight = np.exp(-SHARP * ratio - off / (2 * NARROW**2))
-        np.testing.assert_allclose(sharp[row, column], np.average(seen, axis=0, weights=weight), rtol=2e-3)
-        np.testing.assert_allclose(spread[row, column], np.sqrt(seen.var(0).mean()), rtol=1e-4)
+
+
+@pytest.mark.parametrize("times", [1, 2, 4])
+def test_a_picture_takes_the_patches_of_a_smaller_one(times: int) -> None:
+    """Twin: sharper votes, of the picture's own pixels, each as far from the hole's as the match of the smaller picture says;
+    unknown ones have no vote. The spread of the patches is numpy's."""
+    search, mean = searched()
+    hole = HOLE.repeat(times, 0).repeat(times, 1)
+    hole[times * 14 : times * 14 + 3, : times * 8] = True
+    picture = RNG.integers(0, 256, (*hole.shape, 3), np.uint8)
+    out, spread = search.copy_patches(picture, hole, times)
+    np.testing.assert_array_equal(out[~hole], picture[~hole])
+    for pixel, (row, column) in enumerate(np.argwhere(hole).tolist()):
+        seen, weights = [], []
+        for t, (j, i) in zip(*over(search, row, column, times)):
+            centre = np.array([row + j, column + i]) // times
+            source = tuple((row, column) + (search.found[t] - centre) * times)
+            if not hole[source]:
+                seen.append(picture[source])
+                weights.append(np.exp(-SHARP * search.cost[t] / (2 * mean[t]) - (j * j + i * i) / (2 * NARROW**2)))
+        expected = np.average(seen, axis=0, weights=weights) if seen else picture[row, column]
+        np.testing.assert_allclose(out[row, column], expected, atol=0.6)
+        np.testing.assert_allclose(spread[pixel], np.sqrt(np.var(seen, 0).mean()) if seen else 0, rtol=1e-4, atol=1e-4)

@@ -104,7 +104,7 @@ def copy_patches(color: UInt8Array, copied: BoolArray, label: NDArray[np.int8], 
 
     color: H x W x 3, in `copied` what the patches begin from; label: H x W, surfaces that patches rather come from.
     """
-    painted, _ = complete_picture(color, copied, color, seed, label=label, effort=QUICK)
+    painted, _ = complete_picture(color, copied, seed, label=label, effort=QUICK)
     return blend_with_guess(painted, color, copied)
 
 
@@ -119,7 +119,7 @@ def replace_removed(
     near = hidden & ~view.color_hole
     if near.any():
         near &= removed.ravel()[nearest_known(view.color_hole)[1]]
-    painted, levels = complete_picture(color, removed | near, guess, seed, effort=QUICK)
+    painted, levels = complete_picture(replace_pixels(color, removed | near, guess), removed | near, seed, effort=QUICK)
     spread = np.zeros(removed.shape, np.float32)
     spread[removed | near] = levels
     out = blend_with_guess(painted, guess, removed, view.color_hole | near, spread=spread)

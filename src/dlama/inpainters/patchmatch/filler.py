@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.holes import box_around, gaussian_mean, shrink_known, smaller_size
+from dlama.geometry.kernels.enlarging import enlarge_at
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.inpainters.filling import Paint, Painter
 from dlama.inpainters.networks.migan import migan_filler
@@ -80,11 +81,12 @@ def blend_with_guess(
     if spread is not None:
         mean = gaussian_mean(spread[box], there, BLEND_PX, 1e-3) ** 2
         share *= cv2.resize(mean / (mean + AGREE**2), size, interpolation=cv2.INTER_AREA)
-    step = (second - first) * share[..., None]
+    step = enlarge_at(
+        (second - first) * share[..., None], np.flatnonzero(there), width, (height / size[1], width / size[0])
+    )
     out = painted.copy()
-    for k in range(3):  # one at a time: enlarged they are floats
-        more = cv2.resize(np.ascontiguousarray(step[..., k]), (width, height), interpolation=cv2.INTER_LINEAR)[there]
-        out[box][there, k] = np.clip(np.round(painted[box][there, k] + more), 0, 255)
+    step += painted[box][there]
+    out[box][there] = np.clip(np.rint(step, out=step), 0, 255, out=step)
     return out
 
 
@@ -99,8 +101,7 @@ def weigh_guess(painted: Float32Array, guess: Float32Array, smooth: Float32Array
 
 def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:
     """A picture at a size (width, height) that is no larger than its own."""
-    planes = (np.ascontiguousarray(picture[..., k], np.float32) for k in range(3))
-    return np.stack([cv2.resize(plane, wh, interpolation=cv2.INTER_AREA) for plane in planes], 2)
+    return cv2.resize(picture, wh, interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
 def blurred_difference(first: Float32Array, second: Float32Array) -> Float32Array:
@@ -116,7 +117,7 @@ def patchmatch_filler(model: str | Path) -> Painter:
         if not hole.any():
             return picture
         guess = guess_coarsely(network.paint, picture, hole, seed)
-        painted = complete_picture(picture, hole, guess, seed)[0]
+        painted = complete_picture(guess, hole, seed)[0]
         return blend_with_guess(painted, guess, hole, guess_share=GUESS_SHARE)
 
     return with_diffused_depth(paint, lambda: {"guess": network.notes()})

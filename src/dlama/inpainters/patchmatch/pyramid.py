@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.holes import box_around, dilate_square
 from dlama.geometry.kernels.jit import as_input, in_bands
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste, replace_pixels
 from dlama.inpainters.patchmatch import kernels
 
 TEXTURE = 2.0
@@ -25,19 +25,12 @@ lost."""
 FEWEST_SOURCES = 50
 
 
-REACH = 4
-"""Rows of a picture beyond which a pixel at half the size does not depend on it: of a square of 4, and of its texture."""
-BAND = 128
-"""Rows at half the size that are described at a time."""
-
-
 @dataclass(frozen=True)
 class Level:
     """A level of the pyramid."""
 
     values: Float32Array
-    """H x W x 5: RGB, and the mean gradients across and along there; of the guess in the hole. Empty where patches are copied as
-    they are matched on the coarser level."""
+    """H x W x 5: RGB, and the mean gradients across and along there; of the guess in the hole."""
     hole: BoolArray
     """H x W."""
     sources: BoolArray
@@ -46,38 +39,53 @@ class Level:
     """H x W, the surface of each pixel."""
 
 
-def build_pyramid(
-    picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label: NDArray[np.integer], copied: bool = False
-) -> list[Level]:
+def shrink(
+    picture: UInt8Array, hole: BoolArray, label: NDArray[np.integer], times: int
+) -> tuple[UInt8Array, BoolArray, NDArray[np.integer]]:
+    """A picture (H x W x 3), its hole and its surfaces (H x W) so many times smaller, rounded up. A pixel is a hole if more than
+    half of those under it are; its colour is the mean of the known ones, or in a hole of all."""
+    if times == 1:
+        return picture, hole, label
+    known = (~hole).view(np.uint8) * np.uint8(255)
+    more = [-size % times for size in hole.shape]
+    wider = [cv2.copyMakeBorder(each, 0, more[0], 0, more[1], cv2.BORDER_REPLICATE) for each in (known, picture)]
+    wider.append(cv2.bitwise_and(wider[1], wider[1], mask=wider[0]))
+    size = wider[0].shape[1] // times, wider[0].shape[0] // times
+    share, means, sums = (cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in wider)
+    smaller = share < 128
+    known_means = sums * (np.float32(255) / np.maximum(share, 1))[..., None]
+    out = replace_pixels(np.minimum(np.rint(known_means), 255).astype(np.uint8), smaller, means)
+    return out, smaller, label[::times, ::times]
+
+
+def build_pyramid(picture: UInt8Array, hole: BoolArray, label: NDArray[np.integer]) -> list[Level]:
     """Levels from the picture itself to the coarsest, each half of the one before.
 
-    picture, guess: H x W x 3 RGB; hole: H x W; copied: the first level, if there are others, has no values. The last
-    level is the first in which the hole is as narrow as DEEPEST, or the last in which enough whole patches are known.
+    picture: H x W x 3 RGB, a guess in the hole (H x W). The last level is the first in which the hole is as narrow as DEEPEST,
+    or the last in which enough whole patches are known.
     """
-    values = np.empty((0, 0, 5), np.float32) if copied else describe_both(picture, hole, guess)
-    levels = [Level(values, hole, whole_patches(hole), label if copied else label.astype(np.int32))]
+    values = describe_pixels(picture, hole)
+    levels = [Level(values, hole, whole_patches(hole), label.astype(np.int32))]
     while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
-        values, hole = halve(values, hole) if len(values) else halve_picture(picture, hole, guess)
+        values, hole = halve(values, hole)
         sources = whole_patches(hole)
         if sources.sum() < FEWEST_SOURCES or not hole.any():
             break
         label = label[::2, ::2].astype(np.int32)
         levels.append(Level(values, hole, sources, label))
-    if copied and len(levels) == 1:
-        return build_pyramid(picture, levels[0].hole, guess, label)
     return levels
 
 
-def describe_both(picture: UInt8Array, hole: BoolArray, guess: UInt8Array) -> Float32Array:
-    """H x W x 5, as of `describe_pixels`: of the known picture, and in the hole of the guess."""
-    values = describe_pixels(picture, ~hole)
+def describe_pixels(picture: UInt8Array, hole: BoolArray) -> Float32Array:
+    """H x W x 5, as of `describe_known`: of the known picture, and in the hole of the guess there."""
+    values = describe_known(picture, ~hole)
     if hole.any():
         box = box_around(hole, TEXTURE_PX)
-        paste(describe_pixels(guess[box], np.ones_like(hole[box])), hole[box], values[box])
+        paste(describe_known(picture[box], np.ones_like(hole[box])), hole[box], values[box])
     return values
 
 
-def describe_pixels(picture: UInt8Array, known: BoolArray) -> Float32Array:
+def describe_known(picture: UInt8Array, known: BoolArray) -> Float32Array:
     """H x W x 5 in known pixels: colours (0 .. 255), and TEXTURE times the mean change of brightness between known neighbours."""
     red, green, blue = (picture[..., k].astype(np.float32) for k in range(3))
     brightness, side = (red + green + blue) / np.float32(3), (TEXTURE_PX, TEXTURE_PX)
@@ -89,22 +97,6 @@ def describe_pixels(picture: UInt8Array, known: BoolArray) -> Float32Array:
         change[here] = np.abs(brightness[here] - brightness[before]) * (known[here] & known[before])
         out[..., channel] = np.float32(TEXTURE) * cv2.blur(change, side) / share
     return out
-
-
-def halve_picture(picture: UInt8Array, hole: BoolArray, guess: UInt8Array) -> tuple[Float32Array, BoolArray]:
-    """As `halve` of `describe_both`, which is not in memory as a whole."""
-    rows, columns = ((size + 1) // 2 for size in hole.shape)
-    out, smaller = np.empty((rows, columns, 5), np.float32), np.empty((rows, columns), np.bool_)
-
-    def halve_band(first: int, last: int) -> None:
-        top, bottom = max(2 * first - REACH, 0), 2 * last + REACH
-        there = hole[top:bottom]
-        values = describe_both(picture[top:bottom], there, guess[top:bottom])
-        some = first - top // 2, last - top // 2
-        kernels.halve_rows(*some, values, as_input(there), out[top // 2 :], smaller[top // 2 :])
-
-    in_bands(halve_band, rows, band=BAND)
-    return out, smaller
 
 
 def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArray]:

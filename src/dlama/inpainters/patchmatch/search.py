@@ -26,6 +26,8 @@ SHARP, NARROW = 8.0, 1.4
 PULL, PULL_PX = 0.6, 3.0
 """Share by which each round but the last brings what it painted back to the guess, of the differences averaged over so many
 pixels (sigma): the guess, a network's, has the structure, patches the texture."""
+STRIDE = 2
+"""Pixels between the patches that are copied in a picture larger than the level."""
 BAND = 512
 """Patches per task."""
 DRAWN = 65536
@@ -35,15 +37,11 @@ DRAWN = 65536
 class Search:
     """The search on one level: patches that touch the hole, and the known patch matched to each; mutable."""
 
-    def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array, stride: int = 1) -> None:
-        """weights: penalties, as of `kernels.Penalties`; stride: pixels between the patches."""
+    def __init__(self, level: Level, rng: np.random.Generator, weights: Float32Array) -> None:
+        """weights: penalties, as of `kernels.Penalties`."""
         self.values, self.sources, self.label = level.values, level.sources, level.label
         """As of Level; the values of the hole change."""
         touched = dilate_by_patch(level.hole)
-        if stride > 1:
-            grid = np.zeros_like(touched)
-            grid[::stride, ::stride] = True
-            touched &= grid
         self.pixels, self.targets = places(level.hole), places(touched)
         """M x 2, pixels of the hole; N x 2, centres of patches that touch it."""
         self.number = np.full(level.hole.shape, -1, np.int32)
@@ -51,13 +49,11 @@ class Search:
         self.number[touched] = np.arange(len(self.targets))
         self.box = box_around(touched, 0)
         """Rows and columns that hold all targets."""
-        self.trust = self.guess = np.empty(0, np.float32)
-        """N weights of the targets' patches; empty where the level has no values, as `guess` is."""
-        if len(level.values):
-            depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
-            self.trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
-            self.guess = level.values[self.box][..., :3].copy()
-            """Colours of the guess in the rows and columns of `box`, of the picture where it is known."""
+        depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
+        self.trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
+        """N weights of the targets' patches."""
+        self.guess = level.values[self.box][..., :3].copy()
+        """Colours of the guess in the rows and columns of `box`, of the picture where it is known."""
         self.around = sum_over_patch(touched[self.box].view(np.uint8))[touched[self.box]]
         """N, how many patches cover the pixel at a target's centre."""
         self.weights, self.random = weights, rng.uniform(-1, 1, (DRAWN, 2))
@@ -75,23 +71,16 @@ class Search:
         penalties = kernels.Penalties(self.weights, np.zeros(self.sources.shape, np.float32), self.label)
         self._run(kernels.search_rows, self.patches, sources, penalties, self.matches)
 
-    def start_from(self, coarser: Search, compare: bool) -> None:
-        """Start with the matches and colours of a coarser level; with its costs, too, or `compare` anew."""
-        times = 2 ** round(np.log2(len(self.number) / len(coarser.number)))
-        parent = self.targets // times
+    def start_from(self, coarser: Search) -> None:
+        """Start with the matches and colours of a level of half the size."""
+        parent = self.targets // 2
         above = coarser.number[parent[:, 0], parent[:, 1]]
-        moved = coarser.found[above]
-        moved -= parent
-        moved *= times
+        moved = 2 * (coarser.found[above] - parent)
         moved[above < 0] = 0
-        moved += self.targets
-        self.found[:] = nearest_source(self.sources, moved)
-        if compare:
-            self.cost[:] = 1
-            self._paint()
-            self._weigh()
-        else:
-            self.cost[:] = np.where(above >= 0, coarser.cost[above], coarser.cost.mean())
+        self.found[:] = nearest_source(self.sources, moved + self.targets)
+        self.cost[:] = 1
+        self._paint()
+        self._weigh()
 
     def match(self, turn: int, matchings: int) -> None:
         """Improve the matches so many times, by propagation from neighbours and random search."""
@@ -107,17 +96,17 @@ class Search:
         self._pull_to_guess()
         self._weigh()
 
-    def vote_sharply(self, picture: UInt8Array) -> tuple[Float32Array, Float32Array]:
-        """M x 3 colours of the hole by a sharp vote of the patches of the picture (H x W x 3) itself; M levels by which the
-        patches over a pixel differ there (standard deviation)."""
-        out, spread = np.empty((len(self.pixels), 3), np.float32), np.empty(len(self.pixels), np.float32)
-        votes = self._votes(SHARP, NARROW, np.ones_like(self.cost))
-        in_bands(vote_kernels.copy_rows, len(out), as_input(picture), votes, out, spread, band=BAND)
+    def copy_patches(self, picture: UInt8Array, hole: BoolArray, times: int) -> tuple[UInt8Array, Float32Array]:
+        """H x W x 3, the picture (H x W x 3), `times` larger than this level, its hole (H x W) painted with a sharp vote of its
+        own patches; M levels by which those over each of the hole's pixels differ there (standard deviation)."""
+        pixels, out = places(hole), picture.copy()
+        spread = np.zeros(len(pixels), np.float32)
+        votes = self._votes(SHARP, NARROW, np.ones_like(self.cost))._replace(pixels=pixels)
+        steps = times, min(times, STRIDE)
+        in_bands(
+            vote_kernels.copy_rows, len(pixels), as_input(picture), as_input(hole), votes, steps, out, spread, band=BAND
+        )
         return out, spread
-
-    def keep_matches(self) -> None:
-        """Give up all that the next level does not start from."""
-        del self.values, self.guess, self.label, self.patches
 
     def _pull_to_guess(self) -> None:
         """Bring the hole's colours nearer to the guess, but for their detail."""

@@ -66,14 +66,3 @@ def test_relax(rng):
     theirs = twin.relax(base, usable, cells, mean, 0.1, 6)
     base_kernels.relax(base, usable, cells, mean, 0.1, 6)
     np.testing.assert_allclose(base, theirs, atol=1e-2)
-
-
-def test_paint(rng):
-    """Oracle: literal twin, to one grey level (a rounding may fall either way)."""
-    color = rng.integers(0, 256, (*SHAPE, 3), dtype=np.uint8)
-    pixels = np.flatnonzero(rng.random(SHAPE) < 0.4)
-    base = rng.uniform(-20, 275, (5, 6, 3)).astype(np.float32)
-    ours = color.copy()
-    cell_kernels.paint_pixels(0, len(pixels), pixels, base, 4, ours)
-    assert (ours != color).any()
-    assert np.abs(ours.astype(int) - twin.paint(color, pixels, base, 4)).max() <= 1

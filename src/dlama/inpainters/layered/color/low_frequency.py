@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import gaussian_mean
+from dlama.geometry.kernels.enlarging import enlarge_at
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.inpainters.layered.kernels.cells import sample
 from dlama.inpainters.opencv import spread_small
 from dlama.perception.planes import SKY
 
@@ -36,8 +36,6 @@ WIDE = 0.1
 """Sigma of the blur within one surface, over the picture's longer side."""
 GRID = 64
 """Longer side of the grid for that blur."""
-PIECE = 1 << 17
-"""Pixels that are read from it at a time: what that takes on the way has ten times their size."""
 
 
 def blend_with_low_frequency(
@@ -87,7 +85,6 @@ def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArra
     step = max(1.0, max(label.shape) / GRID)
     height, width = (int(np.ceil(size / step)) for size in label.shape)
     rows, columns = np.divmod(places, label.shape[1])
-    x, y = (((each + 0.5) / step).astype(np.float32) for each in (columns, rows))
     cell = (rows / step).astype(np.int32) * width + (columns / step).astype(np.int32)
     del rows, columns
     number = label.ravel()[places]
@@ -99,9 +96,7 @@ def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArra
         means = np.stack(sums, 1).reshape(height, width, 4).astype(np.float32)
         wide = cv2.GaussianBlur(means, (0, 0), WIDE * max(height, width))
         mean = wide[..., 1:] / np.maximum(wide[..., :1], np.float32(1e-6))
-        for first in range(0, len(own), PIECE):
-            some = own[first : first + PIECE]
-            values[some] = sample(np.asarray(mean, np.float32), x[some], y[some])
+        values[own] = enlarge_at(np.asarray(mean, np.float32), places[own], label.shape[1], (step, step))
 
 
 def unseen_colors(view: View) -> BoolArray:

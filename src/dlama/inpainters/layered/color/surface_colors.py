@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.kernels.enlarging import enlarge_at
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -16,7 +17,6 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.color.cell_grid import UNTRUSTED, CellGrid, Labels
 from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.kernels import base_color as base_kernels
-from dlama.inpainters.layered.kernels.cells import paint_pixels
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.perception.planes import SKY
 
@@ -28,8 +28,6 @@ LEAST_CELLS = 12
 """Planes with fewer known cells are painted as no plane."""
 BLUR_CELLS = 2.0
 """Sigma of the blur of known colours, in cells of the base."""
-BAND = 2048
-"""Pixels per task."""
 SCREEN = 0.002
 """Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
 NEARER = 1.1
@@ -102,7 +100,8 @@ def spread_colors(
         for region in regions[first:last]:
             if region.sources.any():
                 base = surface_base(grid, region)
-                in_bands(paint_pixels, len(region.pixels), region.pixels, base, 2 * grid.size, out, band=BAND)
+                found = enlarge_at(base, region.pixels, hole.shape[1], (2 * grid.size, 2 * grid.size))
+                out.reshape(-1, 3)[region.pixels] = np.rint(found, out=found)
 
     in_bands(paint_regions, len(regions), band=1)
     return out

@@ -1,4 +1,4 @@
-"""Cell kernels: a picture in; its trusted pixels, its means over cells, and bilinear samples of cells out (numba)."""
+"""Cell kernels: a picture in; its trusted pixels, and its means over cells, out (numba)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import Array, Real, Whole, as_input, in_bands, kernel, piece
+from dlama.geometry.kernels.jit import Array, Whole, as_input, in_bands, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
-Neighbours = tuple[Whole, Whole, Real]
-"""The two cells around a coordinate, and the offset to the second, 0 .. 1."""
 NEARER = np.float32(1.04)
 """Ratio of inverse depths beyond which a source is an occluder."""
 NON_PLANAR_NEARER = np.float32(1.2)
@@ -105,50 +103,3 @@ def shrink(color: UInt8Array, inverse_depth: Float32Array, source: NDArray[np.in
     out = Trusted(np.zeros((*grid, 3), np.float32), np.zeros(grid, np.float32), np.full(grid, -2, np.int8))
     in_bands(shrink_rows, grid[0], Trusted(as_input(color), inverse_depth, source), factor, out)
     return out
-
-
-@piece
-def bilinear_neighbours(x: Real, size: Whole) -> Neighbours:
-    """The two cells around a coordinate (cell centres at +0.5, clamped to the edge), and the offset to the second."""
-    f = x - 0.5
-    f = 0.0 if f < 0 else (size - 1.0 if f > size - 1.0 else f)
-    x0 = np.int64(f)
-    return x0, (x0 + 1 if x0 + 1 < size else size - 1), f - x0
-
-
-@piece
-def blend(grid: Array, across: Neighbours, along: Neighbours, k: Whole) -> Real:
-    """Channel k of a grid, bilinear; across, along: columns and rows, from `bilinear_neighbours`."""
-    x0, x1, ax = across
-    y0, y1, ay = along
-    top = grid[y0, x0, k] + ax * (float(grid[y0, x1, k]) - grid[y0, x0, k])
-    low = grid[y1, x0, k] + ax * (float(grid[y1, x1, k]) - grid[y1, x0, k])
-    return top + ay * (low - top)
-
-
-@kernel
-def paint_pixels(
-    first: Whole, last: Whole, pixels: NDArray[np.int64], base: Float32Array, cell_size: Whole, out: UInt8Array
-) -> None:
-    """Set the flat pixels first..last of a list in `out` (H x W x 3) to the colours of a grid, bilinear. base: rows x cols x 3,
-    cells of cell_size pixels a side."""
-    width, (rows, cols, _) = out.shape[1], base.shape
-    for n in range(first, last):
-        y, x = pixels[n] // width, pixels[n] % width
-        across = bilinear_neighbours((x + 0.5) / cell_size, cols)
-        along = bilinear_neighbours((y + 0.5) / cell_size, rows)
-        for k in range(3):
-            value = blend(base, across, along, k) + 0.5
-            out[y, x, k] = np.uint8(0.0 if value < 0 else (255.0 if value > 255 else value))
-
-
-def sample(grid: Float32Array, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """N x 3 values of a grid at cell coordinates, bilinear, as the kernels see them."""
-    rows, cols = grid.shape[:2]
-    fx, fy = np.clip(x - 0.5, 0, cols - 1), np.clip(y - 0.5, 0, rows - 1)
-    x0, y0 = fx.astype(np.int64), fy.astype(np.int64)
-    x1, y1 = np.minimum(x0 + 1, cols - 1), np.minimum(y0 + 1, rows - 1)
-    ax, ay = (fx - x0)[:, None], (fy - y0)[:, None]
-    a, b, c, d = grid[y0, x0], grid[y0, x1], grid[y1, x0], grid[y1, x1]
-    top, low = a + ax * (b - a), c + ax * (d - c)
-    return np.asarray(top + ay * (low - top))
