@@ -20,7 +20,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Painter, inpaint
 from dlama.inpainters.patchmatch import search
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture, times_smaller
-from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_known, halve, shrink
+from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_known, shrink
 from dlama.inpainters.patchmatch.search import nearest_source
 
 HOLE = (np.abs(ROWS - 50) < 14) & (np.abs(COLUMNS - 60) < 17)
@@ -125,7 +125,7 @@ def test_coarser_pictures_are_means_of_what_is_known() -> None:
     values, hole = np.full((9, 12, 2), 7, np.float32), np.zeros((9, 12), np.bool_)
     hole[2:5, 3:8] = True
     values[hole] = 90
-    small, smaller = halve(values, hole)
+    small, smaller, _ = shrink(values, hole, hole, 2)
     assert small.shape == (5, 6, 2) and smaller.sum() == 2
     np.testing.assert_allclose(small[~smaller], 7, rtol=1e-6)
     assert (small[smaller] > 30).all()

@@ -26,6 +26,10 @@ OTHER_SURFACE = 1000.0
 """Penalty, in squared grey levels, of a patch centred on another surface, where surfaces are given."""
 
 
+FIRST = 8
+"""Rounds of matching, from random patches on, in the coarsest level before the first vote."""
+
+
 @dataclass(frozen=True)
 class Effort:
     """Limits of the search."""
@@ -36,16 +40,14 @@ class Effort:
     """and most patches matched in all of them, where the hole is large."""
     matchings: int
     """Steps of PatchMatch per round."""
-    pairs: int
-    """Most comparisons of the exhaustive search in the coarsest level."""
     largest: int
     """Pixels of the largest picture that patches are matched in,"""
     hole: int
     """and of its hole; a larger one takes the matches of itself made smaller."""
 
 
-THOROUGH = Effort(6, 400_000, 2, 4_000_000, 3_000_000, 3_000_000)
-QUICK = Effort(4, 100_000, 1, 1_000_000, 800_000, 20_000)
+THOROUGH = Effort(6, 400_000, 2, 3_000_000, 3_000_000)
+QUICK = Effort(4, 100_000, 1, 800_000, 20_000)
 """Over surfaces of known depth."""
 
 
@@ -77,7 +79,9 @@ def complete_picture(
         penalties = DISTANCE_DOWN / side**2, DISTANCE_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE
         search = Search(level, rng, np.array(penalties, np.float32))
         if coarser is None:
-            search.compare_all(rng, effort.pairs)
+            search.start_anywhere(rng)
+            for turn in range(FIRST):
+                search.match(turn, 1)
         else:
             search.start_from(coarser)
         improve(search, effort, finest=not levels)

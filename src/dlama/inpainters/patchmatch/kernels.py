@@ -1,5 +1,4 @@
-"""PatchMatch kernels: target and source patches in, the most similar source of each target out; what patches are compared by, and
-where it is known, in, the same at half the size out (numba)."""
+"""PatchMatch kernels: target and source patches in, the most similar source of each target out (numba)."""
 
 from __future__ import annotations
 
@@ -21,8 +20,6 @@ NEIGHBOURS = 8
 LEAP = 6
 MOST_USED = 5.0
 """Uses of a source beyond which its penalty is constant."""
-OUTER, INNER = 0.2389942656229905, 0.7610057343770095
-"""Of four pixels in a row under one of half the size: a Gaussian of 0.8 px over three pixels, averaged over two places."""
 
 Places = NDArray[np.int32]
 """N x 2: rows and columns."""
@@ -126,26 +123,6 @@ def penalty(row: Whole, column: Whole, source_row: Whole, source_column: Whole, 
     return distance_penalty(row, column, source_row, source_column, weights) + weights[2] * again + other
 
 
-@kernel
-def search_rows(
-    first: Whole, last: Whole, patches: Patches, sources: Places, penalties: Penalties, out: Matches
-) -> None:
-    """The best of all `sources` for targets [first, last)."""
-    for t in range(first, last):
-        row, column = int(patches.targets[t, 0]), int(patches.targets[t, 1])
-        least = np.inf
-        for s in range(len(sources)):
-            source_row, source_column = int(sources[s, 0]), int(sources[s, 1])
-            more = penalty(row, column, source_row, source_column, penalties)
-            if more >= least:
-                continue
-            value = more + difference(patches.values, row, column, source_row, source_column, least - more)
-            if value < least:
-                least = value
-                out.found[t, 0], out.found[t, 1] = source_row, source_column
-        out.cost[t] = least
-
-
 @inlined
 def match_of_neighbour(
     row: int, column: int, q: int, leap: int, number: NDArray[np.int32], now: Places
@@ -223,41 +200,3 @@ def cost_rows(first: Whole, last: Whole, patches: Patches, penalties: Penalties,
         source_row, source_column = int(out.found[t, 0]), int(out.found[t, 1])
         more = penalty(row, column, source_row, source_column, penalties)
         out.cost[t] = more + difference(patches.values, row, column, source_row, source_column, np.inf)
-
-
-@inlined
-def count_known(hole: BoolArray, row: Whole, column: Whole) -> Whole:
-    """Known ones of the four pixels under one of half the size."""
-    known = 0
-    for y in range(2 * row, min(2 * row + 2, hole.shape[0])):
-        for x in range(2 * column, min(2 * column + 2, hole.shape[1])):
-            known += not hole[y, x]
-    return known
-
-
-@kernel
-def halve_rows(
-    first: Whole, last: Whole, values: Float32Array, hole: BoolArray, out: Float32Array, hole_out: BoolArray
-) -> None:
-    """Rows [first, last) at half the size, rounded up. A pixel is a hole if more than half under it is hole or beyond the border;
-    its values (H x W x C) are means of what lies round it: of the known pixels, or in a hole of all."""
-    height, width, channels = values.shape
-    for row in range(first, last):
-        for column in range(out.shape[1]):
-            known = count_known(hole, row, column)
-            hole_out[row, column] = known < 2
-            total = 0.0
-            for k in range(channels):
-                out[row, column, k] = np.float32(0)
-            for j in range(4):
-                y = 2 * row - 1 + j
-                for i in range(4):
-                    x = 2 * column - 1 + i
-                    if 0 <= y < height and 0 <= x < width and (known < 2 or not hole[y, x]):
-                        down, right = INNER if 0 < j < 3 else OUTER, INNER if 0 < i < 3 else OUTER
-                        weight = down * right
-                        total += weight
-                        for k in range(channels):
-                            out[row, column, k] += np.float32(weight) * values[y, x, k]
-            for k in range(channels):
-                out[row, column, k] = np.float32(out[row, column, k] / total)

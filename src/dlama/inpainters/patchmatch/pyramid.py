@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import box_around, dilate_square
-from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste, replace_pixels
 from dlama.inpainters.patchmatch import kernels
 
@@ -40,22 +39,27 @@ class Level:
 
 
 def shrink(
-    picture: UInt8Array, hole: BoolArray, label: NDArray[np.integer], times: int
-) -> tuple[UInt8Array, BoolArray, NDArray[np.integer]]:
-    """A picture (H x W x 3), its hole and its surfaces (H x W) so many times smaller, rounded up. A pixel is a hole if more than
-    half of those under it are; its colour is the mean of the known ones, or in a hole of all."""
+    values: np.ndarray, hole: BoolArray, label: NDArray[np.integer], times: int
+) -> tuple[np.ndarray, BoolArray, NDArray[np.integer]]:
+    """Values (H x W x C), their hole and their surfaces (H x W) so many times smaller, rounded up. A pixel is a hole if more than
+    half of those under it are; it has the mean of the known ones, or in a hole of all."""
     if times == 1:
-        return picture, hole, label
-    known = (~hole).view(np.uint8) * np.uint8(255)
+        return values, hole, label
     more = [-size % times for size in hole.shape]
-    wider = [cv2.copyMakeBorder(each, 0, more[0], 0, more[1], cv2.BORDER_REPLICATE) for each in (known, picture)]
-    wider.append(cv2.bitwise_and(wider[1], wider[1], mask=wider[0]))
-    size = wider[0].shape[1] // times, wider[0].shape[0] // times
-    share, means, sums = (cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in wider)
-    smaller = share < 128
-    known_means = sums * (np.float32(255) / np.maximum(share, 1))[..., None]
-    out = replace_pixels(np.minimum(np.rint(known_means), 255).astype(np.uint8), smaller, means)
-    return out, smaller, label[::times, ::times]
+    values, known = (
+        cv2.copyMakeBorder(one, 0, more[0], 0, more[1], cv2.BORDER_REPLICATE)
+        for one in (values, (~hole).view(np.uint8))
+    )
+    size = known.shape[1] // times, known.shape[0] // times
+    share, means, sums = (
+        cv2.resize(one, size, interpolation=cv2.INTER_AREA)
+        for one in (known.astype(np.float32), values, cv2.copyTo(values, known))
+    )
+    smaller = share < 0.5
+    known_means = sums / np.maximum(share, 0.5)[..., None]
+    if values.dtype == np.uint8:
+        known_means = np.minimum(np.rint(known_means), 255)
+    return replace_pixels(known_means.astype(values.dtype), smaller, means), smaller, label[::times, ::times]
 
 
 def build_pyramid(picture: UInt8Array, hole: BoolArray, label: NDArray[np.integer]) -> list[Level]:
@@ -67,12 +71,11 @@ def build_pyramid(picture: UInt8Array, hole: BoolArray, label: NDArray[np.intege
     values = describe_pixels(picture, hole)
     levels = [Level(values, hole, whole_patches(hole), label.astype(np.int32))]
     while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
-        values, hole = halve(values, hole)
+        values, hole, label = shrink(values, hole, label, 2)
         sources = whole_patches(hole)
         if sources.sum() < FEWEST_SOURCES or not hole.any():
             break
-        label = label[::2, ::2].astype(np.int32)
-        levels.append(Level(values, hole, sources, label))
+        levels.append(Level(values, hole, sources, label.astype(np.int32)))
     return levels
 
 
@@ -97,14 +100,6 @@ def describe_known(picture: UInt8Array, known: BoolArray) -> Float32Array:
         change[here] = np.abs(brightness[here] - brightness[before]) * (known[here] & known[before])
         out[..., channel] = np.float32(TEXTURE) * cv2.blur(change, side) / share
     return out
-
-
-def halve(values: Float32Array, hole: BoolArray) -> tuple[Float32Array, BoolArray]:
-    """Values (H x W x C) and hole (H x W) at half the size, rounded up: means of what is known, in the hole of what fills it."""
-    rows, columns = ((size + 1) // 2 for size in hole.shape)
-    out, smaller = np.empty((rows, columns, values.shape[2]), np.float32), np.empty((rows, columns), np.bool_)
-    in_bands(kernels.halve_rows, rows, values, as_input(hole), out, smaller)
-    return out, smaller
 
 
 def whole_patches(hole: BoolArray) -> BoolArray:

@@ -62,14 +62,11 @@ class Search:
         self.patches = kernels.Patches(self.values, self.targets, self.number, self.sources)
         self.matches = kernels.Matches(self.found, self.cost)
 
-    def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
-        """Compare every target with every known patch, or with as many random ones as `pairs` allow."""
+    def start_anywhere(self, rng: np.random.Generator) -> None:
+        """Start with random matches."""
         sources = places(self.sources)
-        most = max(1, pairs // len(self.targets))
-        if len(sources) > most:
-            sources = sources[np.sort(rng.permutation(len(sources))[:most])]
-        penalties = kernels.Penalties(self.weights, np.zeros(self.sources.shape, np.float32), self.label)
-        self._run(kernels.search_rows, self.patches, sources, penalties, self.matches)
+        self.found[:] = sources[rng.integers(0, len(sources), len(self.found))]
+        self._weigh()
 
     def start_from(self, coarser: Search) -> None:
         """Start with the matches and colours of a level of half the size."""
