@@ -46,7 +46,7 @@ class Effort:
     """and of its hole; a larger one takes the matches of itself made smaller."""
 
 
-THOROUGH = Effort(6, 400_000, 2, 3_000_000, 3_000_000)
+THOROUGH = Effort(6, 400_000, 2, 3_000_000, 30_000)
 QUICK = Effort(4, 100_000, 1, 800_000, 20_000)
 """Over surfaces of known depth."""
 
