@@ -1,12 +1,13 @@
 """`layered` and `layered-patches`: a view with holes in; depth of continued surfaces, colours of the surfaces, of patches and,
 in the second, of a network, out.
 
-The second is the default for measured depth. Each hole begins with smooth colours that spread along its own surface; patches of
-the picture, rather of the same surface, are copied over them. Behind removed objects and in dis-occlusions the colours are a
-mean of these and of what MI-GAN paints in the whole view: each errs elsewhere. The network does not see occluders of what is
-filled next to them, nor the remaining shadow of a removed object: a table would extend to where the chair before it was. Behind
-a removed object patches are copied from any surface, and from the network's picture on. Out of a depth camera's view they begin
-from the mean of surfaces and network, since planes of such depth end in the wrong places.
+The second is the default for measured depth. Holes a few pixels wide take the colours round them. Each other one begins with
+smooth colours that spread along its own surface; patches of the picture, rather of the same surface, are copied over them.
+Behind removed objects and in dis-occlusions the colours are a mean of these and of what MI-GAN paints in the whole view: each
+errs elsewhere. The network does not see occluders of what is filled next to them, nor the remaining shadow of a removed
+object: a table would extend to where the chair before it was. Behind a removed object patches are copied from any surface, and
+from the network's picture on. Out of a depth camera's view they begin from the mean of surfaces and network, since planes of
+such depth end in the wrong places.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess, unseen_colors
+from dlama.inpainters.layered.color.narrow_holes import close_narrow_holes
 from dlama.inpainters.layered.color.surface_colors import find_leaves, paint_surfaces
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import hide_from_painter
@@ -53,8 +55,9 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
 def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Painter | None) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, project them onto the visibility law, then paint them; network:
     of `layered-patches`."""
-    smooth = begin_job(smooth_guess, view)
     surfaces, depth, moved = continue_lawfully(view, context, seed)
+    view = close_narrow_holes(view)
+    smooth = begin_job(smooth_guess, view)
     notes: dict[str, Any] = {"planes": len(surfaces.planes)}
     removed, uncovered = (
         view.color_hole & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
