@@ -27,7 +27,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess, unseen_colors
 from dlama.inpainters.layered.color.narrow_holes import close_narrow_holes
-from dlama.inpainters.layered.color.surface_colors import find_leaves, paint_surfaces
+from dlama.inpainters.layered.color.surface_colors import paint_surfaces
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import hide_from_painter
 from dlama.inpainters.networks.migan import migan_filler
@@ -73,7 +73,7 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
         color = paint_surfaces(view, surfaces, context)
     copied = removed | uncovered | unseen
     if not misplaced:
-        copied &= have_texture(view, surfaces, unseen)
+        copied &= have_texture(surfaces, unseen)
     if guessing is not None and (misplaced or removed.any()):
         guess = guessing()
         color = replace_pixels(color, removed, guess)
@@ -94,12 +94,10 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     return Fill(color, depth, moved, notes)
 
 
-def have_texture(view: View, surfaces: Surfaces, unseen: BoolArray) -> BoolArray:
+def have_texture(surfaces: Surfaces, unseen: BoolArray) -> BoolArray:
     """H x W, False in pixels of the hole without a texture to copy: in sky out of view (`unseen`, H x W), since copied clouds end
     in hard edges, and in foliage, whose leaves are copied already."""
-    out = ~unseen | (surfaces.label != SKY)
-    out.ravel()[find_leaves(view, surfaces)[0]] = False
-    return out
+    return surfaces.without_leaves(~unseen | (surfaces.label != SKY))
 
 
 def copy_patches(color: UInt8Array, copied: BoolArray, label: NDArray[np.int8], seed: int) -> UInt8Array:

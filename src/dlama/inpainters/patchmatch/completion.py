@@ -24,8 +24,6 @@ REUSE_PENALTY = 30.0
 """Penalty, in squared grey levels, for each repeated use of a source."""
 OTHER_SURFACE = 1000.0
 """Penalty, in squared grey levels, of a patch centred on another surface, where surfaces are given."""
-
-
 FIRST = 8
 """Rounds of matching, from random patches on, in the coarsest level before the first vote."""
 
@@ -63,8 +61,8 @@ def complete_picture(
     patches over each of the hole's pixels differ there (standard deviation); 0 where none is known.
 
     picture: H x W x 3 uint8 RGB, in the hole a guess, whose structure stays; hole: H x W; label: H x W, the surface of each
-    pixel, hole or not: patches of another one cost more. The guess comes back where no patch of 7 x 7 px is known. The same seed
-    gives the same bits.
+    pixel, hole or not: patches of another one cost more. The guess comes back where no patch of 7 x 7 px is known in the picture
+    that is matched. The same seed gives the same bits.
     """
     times = times_smaller(hole, effort)
     surface = np.zeros(hole.shape, np.int8) if label is None else label

@@ -26,8 +26,6 @@ SHARP, NARROW = 8.0, 1.4
 PULL, PULL_PX = 0.6, 3.0
 """Share by which each round but the last brings what it painted back to the guess, of the differences averaged over so many
 pixels (sigma): the guess, a network's, has the structure, patches the texture."""
-STRIDE = 2
-"""Pixels between the patches that are copied in a picture larger than the level."""
 BAND = 512
 """Patches per task."""
 DRAWN = 65536
@@ -99,9 +97,8 @@ class Search:
         pixels, out = places(hole), picture.copy()
         spread = np.zeros(len(pixels), np.float32)
         votes = self._votes(SHARP, NARROW, np.ones_like(self.cost))._replace(pixels=pixels)
-        steps = times, min(times, STRIDE)
         in_bands(
-            vote_kernels.copy_rows, len(pixels), as_input(picture), as_input(hole), votes, steps, out, spread, band=BAND
+            vote_kernels.copy_rows, len(pixels), as_input(picture), as_input(hole), votes, times, out, spread, band=BAND
         )
         return out, spread
 

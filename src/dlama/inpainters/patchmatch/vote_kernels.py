@@ -11,6 +11,9 @@ from dlama.geometry.kernels.jit import Whole, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch.kernels import HALF, Places, steps_inside
 
+STRIDE = 2
+"""Pixels between the patches that are copied in a picture larger than the level."""
+
 
 class Votes(NamedTuple):
     """Matched patches over pixels of the hole."""
@@ -59,18 +62,18 @@ def copy_rows(
     picture: UInt8Array,
     hole: BoolArray,
     votes: Votes,
-    steps: tuple[Whole, Whole],
+    times: Whole,
     out: UInt8Array,
     spread: Float32Array,
 ) -> None:
-    """As `vote_rows`, of the colours alone, from a picture (H x W x 3) so many times larger than the level whose matches they are
-    (the first of `steps`); its patches have so many pixels between them (the second). Where none is known `out` stays.
+    """As `vote_rows`, of the colours alone, from a picture (H x W x 3) so many `times` larger than the level whose matches they
+    are. Where no patch is known `out` stays.
 
     out: H x W x 3; spread: M levels, the standard deviation of the colours that the patches over a pixel give it, all alike, mean
     over the channels."""
     pixels, number, found, weights, near = votes
     height, width, _ = picture.shape
-    times, stride = steps
+    stride = min(times, STRIDE)
     for p in range(first, last):
         row, column = int(pixels[p, 0]), int(pixels[p, 1])
         top, bottom, left, right = steps_inside(row, column, height, width)

@@ -21,7 +21,10 @@ SIGMA = 1.2
 
 def close_narrow_holes(view: View) -> View:
     """The view with colours, as if they were measured, in the narrow parts of its holes, but for those of removed objects; their
-    depth stays open."""
+    depth stays open.
+
+    The means are those of `gaussian_mean`, to a few levels: of 8 bit they take a fifth of the time.
+    """
     hole = view.color_hole
     narrow = hole & ~view.object_hole & ~morphological_open(hole, square(NARROW))
     if not narrow.any():
