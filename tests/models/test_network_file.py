@@ -15,7 +15,7 @@ import pytest
 
 from dlama.errors import FileError, InputError
 from dlama.models.contracts import CONTRACT_KEY, ColorContract
-from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, OpenNetworks, make_room, open_kept
+from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, make_room, open_kept
 from dlama.models.verify import PIECE
 from tiny_networks import constant
 
@@ -132,23 +132,6 @@ def test_unknown_fields_are_refused() -> None:
     assert Sizes.read('{"network": "sizes", "version": 3}', Path("n.onnx")) == Sizes()
     with pytest.raises(FileError, match=r"n\.onnx: its contract has sides; known are mean, pair, scale, side, std"):
         Sizes.read('{"network": "sizes", "sides": 2}', Path("n.onnx"))
-
-
-def test_networks_that_stay_open_are_few_and_small() -> None:
-    """Four at most, of 100 bytes together at most, and always the last one."""
-    made: list[str] = []
-    networks = OpenNetworks(most=4, most_bytes=100)
-
-    def get(name: str, size: int) -> None:
-        networks.get((name,), size, lambda: made.append(name))
-
-    for name in "abcdaeb":  # e is one too many: b, used longest ago, goes
-        get(name, 1)
-    assert "".join(made) == "abcdeb"
-    made.clear()
-    for name, size in (("x", 60), ("y", 30), ("x", 60), ("z", 50), ("x", 60), ("big", 500), ("big", 500)):
-        get(name, size)
-    assert made == ["x", "y", "z", "x", "big"]
 
 
 def test_a_network_stays_open_until_its_file_or_the_cores_change(

@@ -15,7 +15,7 @@ import pytest
 
 from dlama.errors import FileError
 from dlama.inpainters.confidence import WEIGHTS, confidence_network
-from dlama.models.perceptron import Perceptron, read_arrays
+from dlama.models.perceptron import Perceptron
 from dlama.perception.shadows.classifier import MODEL, classifiers
 
 SHIPPED: list[tuple[Path, Callable[[Path], Any], str]] = [
@@ -39,7 +39,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     """Round trip, next to fields of another one."""
     one, features = made(), np.random.default_rng(1).normal(size=(7, 5))
     path = saved(tmp_path / "two.npz", {**one.arrays("one."), **made(2).arrays("two.")})
-    found = Perceptron.of(read_arrays(path), path, layers=2, outputs=2, prefix="one.")
+    found = Perceptron.of(path, "one.")
     np.testing.assert_allclose(found.outputs(features, 3.0), one.outputs(features, 3.0), rtol=1e-4, atol=1e-5)
 
 
@@ -60,20 +60,15 @@ def test_outputs_are_the_same_bits_for_any_number_of_threads() -> None:
 
 @pytest.mark.parametrize(("shipped", "read", "field"), SHIPPED, ids=["confidence", "shadow"])
 def test_damaged_files_are_named(shipped: Path, read: Callable[[Path], Any], field: str, tmp_path: Path) -> None:
-    """Cut at every tenth, empty, an npy file, missing; without one field; with one of another shape, type, or nan."""
+    """Cut at every tenth, an npy file, no weights at all, missing, without one field."""
     whole, path = shipped.read_bytes(), tmp_path / "weights.npz"
     npy = io.BytesIO()
     np.save(npy, np.zeros(3))
-    for content in (*(whole[: len(whole) * part // 10] for part in range(10)), npy.getvalue(), b"<html>"):
+    cut = saved(tmp_path / "cut.npz", {name: values for name, values in np.load(shipped).items() if name != field})
+    contents = [whole[: len(whole) * part // 10] for part in range(10)]
+    for content in (*contents, npy.getvalue(), b"<html>", cut.read_bytes()):
         path.write_bytes(content)
-        with pytest.raises(FileError, match=r"weights\.npz: cannot be read as a file of weights"):
+        with pytest.raises(FileError, match=r"weights\.npz: cannot be read as a file of weights; reinstall dlama"):
             read.__wrapped__(path)  # type: ignore[attr-defined]
     with pytest.raises(FileError, match=r"none\.npz: cannot be read"):
         read(tmp_path / "none.npz")
-    arrays = read_arrays(shipped)
-    without = {name: values for name, values in arrays.items() if name != field}
-    with pytest.raises(FileError, match=rf"weights\.npz: has no field {field}"):
-        read.__wrapped__(saved(path, without))  # type: ignore[attr-defined]
-    for wrong in (arrays[field][:-1], arrays[field].astype(np.int32), np.full_like(arrays[field], np.nan)):
-        with pytest.raises(FileError, match=rf"weights\.npz: field {field} is .* finite floats are expected"):
-            read.__wrapped__(saved(path, {**arrays, field: wrong}))  # type: ignore[attr-defined]

@@ -23,7 +23,7 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, sampled_pixels
 from dlama.geometry.view import View
 from dlama.models.network_file import ASSETS
-from dlama.models.perceptron import Perceptron, read_arrays
+from dlama.models.perceptron import Perceptron
 from dlama.perception.resampling import interpolate
 
 DEPTH_WITHIN = 0.05
@@ -58,7 +58,7 @@ class ConfidenceNetwork(Perceptron):
 @functools.cache
 def confidence_network(path: Path = WEIGHTS) -> ConfidenceNetwork:
     """The network that ships. FileError where the file is damaged."""
-    return ConfidenceNetwork.of(read_arrays(path), path, layers=3, inputs=FEATURES, outputs=OUTPUTS)
+    return ConfidenceNetwork.of(path)
 
 
 def judge_fill(

@@ -10,8 +10,7 @@ import contextlib
 import ctypes
 import functools
 import os
-import threading
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +22,7 @@ import numpy as np
 from dlama.arguments import check_count, check_word
 from dlama.errors import DlamaError, FileError, InputError, first_line, import_extra, system_errors
 from dlama.models.verify import sha256_of
+from dlama.writing.unchanged import while_unchanged
 
 PROVIDERS = {
     "cuda": "CUDAExecutionProvider",
@@ -73,8 +73,7 @@ class NetworkFile:
 
     @system_errors(FileError)
     def __post_init__(self) -> None:
-        if not self.path.is_file():
-            raise FileError(f"{self.path}: no such model file")
+        _check_file(self.path)
         if self.provider is not None:
             check_word(self.provider, "provider", PROVIDERS)
         check_count(self.threads, "threads")
@@ -173,54 +172,31 @@ def short_name(provider: str) -> str:
     return next((name for name, full in PROVIDERS.items() if full == provider), provider)
 
 
-@system_errors(FileError)
-def file_stamp(path: Path) -> tuple[int, int]:
-    """Time of change in ns, and bytes: what tells a file from a newer one of the same name. FileError where there is none."""
-    if not path.is_file():
-        raise FileError(f"{path}: no such model file")
-    stat = path.stat()
-    if stat.st_size == 0:
-        raise FileError(f"{path}: is empty (0 bytes)")
-    return stat.st_mtime_ns, stat.st_size
-
-
 @functools.cache
 def shipped_network(path: Path, memory_pattern: bool = True) -> NetworkFile:
     """A network that ships in the package, opened once a process."""
     return NetworkFile(path, memory_pattern=memory_pattern)
 
 
+@system_errors(FileError)
 def open_kept(kind: type[N], path: Path, **settings: Any) -> N:
-    """The network of a file, as `kind` with these fields: one of those used last (`OpenNetworks`), or anew where the file, the
-    provider or the number of cores has changed."""
-    stamp, provider, threads = file_stamp(path), default_provider(), cores()
-    key = kind, path, stamp, provider, threads, *settings.items()
-    opened: N = _KEPT.get(key, stamp[1], lambda: kind(path, provider, threads, **settings))
-    return opened
+    """The network of a file, as `kind` with these fields: one of the four used last, or anew where the file, the provider or the
+    number of cores has changed."""
+    _check_file(path)
+    network: N = _open_file(path, kind, default_provider(), cores(), *settings.items())
+    return network
 
 
-class OpenNetworks:
-    """The networks used last, kept open: at most so many, and at most so many bytes of files; the last one always."""
-
-    def __init__(self, most: int = 4, most_bytes: float = 1e9) -> None:
-        self.most, self.most_bytes = most, most_bytes
-        self._kept: dict[Hashable, tuple[Any, int]] = {}
-        self._lock = threading.Lock()
-
-    def get(self, key: Hashable, file_bytes: int, opened: Callable[[], Any]) -> Any:
-        """The network of that key; opened where none is kept, or of a file that changed (the key says so)."""
-        with self._lock:
-            network = self._kept.pop(key)[0] if key in self._kept else opened()
-            self._kept[key] = network, file_bytes  # the last in the order is the last that was used
-            while len(self._kept) > 1 and (len(self._kept) > self.most or self._bytes() > self.most_bytes):
-                del self._kept[next(iter(self._kept))]
-            return network
-
-    def _bytes(self) -> int:
-        return sum(size for _, size in self._kept.values())
+@while_unchanged(keep=4)
+def _open_file(path: Path, kind: type[N], provider: str | None, threads: int, *settings: tuple[str, Any]) -> N:
+    return kind(path, provider, threads, **dict(settings))
 
 
-_KEPT = OpenNetworks()
+def _check_file(path: Path) -> None:
+    if not path.is_file():
+        raise FileError(f"{path}: no such model file")
+    if not path.stat().st_size:
+        raise FileError(f"{path}: is empty (0 bytes)")
 
 
 _OPEN: WeakSet[NetworkFile] = WeakSet()

@@ -16,7 +16,7 @@ import numpy as np
 from dlama.geometry.holes import dilate_mask, erode_square, iou, regions_touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.network_file import ASSETS, NetworkFile
-from dlama.models.perceptron import Perceptron, read_arrays
+from dlama.models.perceptron import Perceptron
 from dlama.perception.shadows.features import (
     FEWEST_PX,
     candidate_features,
@@ -47,17 +47,14 @@ class Classifier(Perceptron):
         return np.asarray(1 / (1 + np.exp(-self.outputs(features, CLIP)[:, 0])), np.float32)
 
 
-PARTS = {"candidate": 1, "pixel": 3, "verdict": 1}
-"""The classifiers, and their numbers of layers."""
+PARTS = ("candidate", "pixel", "verdict")
+"""The classifiers."""
 
 
 @functools.cache
 def classifiers(path: Path = MODEL) -> dict[str, Classifier]:
     """PARTS of the file, read once a process. FileError where it is damaged."""
-    arrays = read_arrays(path)
-    return {
-        part: Classifier.of(arrays, path, layers=layers, outputs=1, prefix=f"{part}.") for part, layers in PARTS.items()
-    }
+    return {part: Classifier.of(path, f"{part}.") for part in PARTS}
 
 
 @dataclass(frozen=True, eq=False)
