@@ -284,21 +284,11 @@ def test_written_masks_codes_and_greys(tmp_path: Path) -> None:
 
 
 HEADS = {
-    "GIF": b"GIF89a",
-    "BMP": b"BM",
-    "PPM": b"P6\n",
-    "JPEG 2000": b"\0\0\0\x0cjP  ",
-    "DPX": b"SDPX",
-    "Cineon": b"\x80\x2a\x5f\xd7",
-    "a raw file of a camera": b"\0\0\0\x18ftypcrx ",
-    "a video": b"\0\0\0\x14ftypqt  ",
-    "a NumPy array": b"\x93NUMPY",
-    "OpenEXR": b"v/1\x01",
-    "a pointer of Git LFS": b"version https://git-lfs.github.com/spec/v1",
-    "a web page": b"<!DOCTYPE html>",
+    "OpenEXR": (b"v/1\x01", "convert its linear light to sRGB"),
+    "a pointer of Git LFS": (b"version https://git-lfs.github.com/spec/v1", "`git lfs pull`"),
+    "a web page": (b"<!DOCTYPE html>", ""),
 }
-"""How files of other kinds begin, by their specifications."""
-ADVICE = {"OpenEXR": "convert its linear light to sRGB", "a pointer of Git LFS": "`git lfs pull`", "a web page": ""}
+"""How files of other kinds begin, by their specifications, and what is advised."""
 
 
 def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path) -> None:
@@ -310,11 +300,15 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
     (tmp_path / "scene.npz").touch()
     with pytest.raises(FileError, match=r"is a directory, a file is expected \(.*scene\.npz\?\)$"):
         read_color(tmp_path)
-    for kind, head in HEADS.items():
-        (tmp_path / "picture.png").write_bytes(head + bytes(99))
-        advice = ADVICE.get(kind, "save it as PNG")
-        with pytest.raises(FileError, match=f"no readable PNG, JPEG, WebP, TIFF or HEIC picture, but {kind}: {advice}"):
-            read_color(tmp_path / "picture.png")
+    picture, words = tmp_path / "picture.png", "no readable PNG, JPEG, WebP, TIFF or HEIC picture, but"
+    for kind, (head, advice) in HEADS.items():
+        picture.write_bytes(head + bytes(99))
+        with pytest.raises(FileError, match=f"{words} {kind}: {advice}"):
+            read_color(picture)
+    for kind in ("GIF", "BMP", "PPM", "JPEG2000"):
+        Image.fromarray(COLOR).save(picture, kind)
+        with pytest.raises(FileError, match=f"{words} {kind}: save it as PNG"):
+            read_color(picture)
     for path, words in (
         ("https:/somewhere/a.jpg", "no such file; addresses are for `dlama batch` alone"),
         ("~/nowhere/a.jpg", "no such file; ~ is the home directory only where a shell replaces it"),

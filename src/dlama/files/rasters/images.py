@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import re
 import stat
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,35 +35,14 @@ LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
 HEIC = re.compile(rb"....ftyp(hei|mif1)", re.DOTALL)
 """How a HEIC file begins (ISO 23008-12, brands)."""
-OTHER_FILES = {
-    "AVIF": rb"....ftypavi",
-    "GIF": rb"GIF8",
-    "BMP": rb"BM",
-    "OpenEXR": rb"v/1\x01",
-    "JPEG 2000": rb"\0\0\0\x0cjP  ",
-    "JPEG XL": rb"(\xff\x0a|\0\0\0\x0cJXL )",
-    "Radiance HDR": rb"#\?",
-    "PPM": rb"P[1-7]\s",
-    "PSD": rb"8BPS",
-    "PDF": rb"%PDF",
-    "DPX": rb"SDPX|XPDS",
-    "Cineon": rb"\x80\x2a\x5f\xd7",
-    "a raw file of a camera": rb"....ftypcrx|FUJIFILMCCD",
-    "a video": rb"....ftyp(qt  |isom|iso2|mp4|M4V)",
-    "SVG": rb"(<\?xml|<svg)",
-    "a NumPy array": rb"\x93NUMPY",
-    "a pointer of Git LFS": rb"version http",
-    "a web page": rb"(?i:<!doctype|<html)",
-}
-"""What may be given in place of a picture that is read, and how such files begin."""
 LINEAR = "convert its linear light to sRGB, and save it as 16-bit PNG"
-ADVICE = {
-    "OpenEXR": LINEAR,
-    "Radiance HDR": LINEAR,
-    "a pointer of Git LFS": "`git lfs pull` gets the file",
-    "a web page": "what it was to be was not downloaded",
+OTHER_FILES = {
+    "OpenEXR": (rb"v/1\x01", LINEAR),
+    "Radiance HDR": (rb"#\?", LINEAR),
+    "a pointer of Git LFS": (rb"version http", "`git lfs pull` gets the file"),
+    "a web page": (rb"(?i:<!doctype|<html)", "what it was to be was not downloaded"),
 }
-"""What to do with those of them that cannot be saved as PNG as they are."""
+"""What may be given in place of a picture that is read, how such files begin, and what to do; Pillow knows other pictures."""
 TAKE_SCENES = "goes into view, remove, mask, photo3d, sequence, video and show (--also scene writes it)"
 OF_OTHER_VERBS = {
     **dict.fromkeys(
@@ -209,7 +188,7 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
             return hw if orientation < 5 else (picture.width, picture.height), orientation
 
 
-@contextmanager
+@contextlib.contextmanager
 def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
     """The picture of a file (of `data`, where there are any) before its pixels are read; FileError where they are too many."""
     with warnings.catch_warnings():
@@ -287,12 +266,15 @@ def _describe_file(file: Path) -> str:
     """What a file is that was given as a picture, and what to do with it; "" for what is not known."""
     with file.open("rb") as stream:
         head = stream.read(12)
-    kind = next((kind for kind, begins in OTHER_FILES.items() if re.match(begins, head, re.DOTALL)), None)
-    if kind is not None:
-        return f", but {kind}: {ADVICE.get(kind, 'save it as PNG')}"
+    for kind, (begins, advice) in OTHER_FILES.items():
+        if re.match(begins, head, re.DOTALL):
+            return f", but {kind}: {advice}"
     if head[:4] in TIFF_HEADS:
         return describe_tiff(file)
     if (suffix := file.suffix.lower()) in OF_OTHER_VERBS:
         return f"; {OF_OTHER_VERBS[suffix]}"
-    is_zip = head.startswith(b"PK")
-    return ", but a ZIP archive: unpack it, and give the folder or the picture in it" if is_zip else ""
+    if head.startswith(b"PK"):
+        return ", but a ZIP archive: unpack it, and give the folder or the picture in it"
+    with contextlib.suppress(Exception), Image.open(file) as picture:
+        return f", but {picture.format}: save it as PNG"
+    return ""
