@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.errors import FileError, MaskError
@@ -11,30 +12,30 @@ from dlama.writing.atomic_write import PathLike
 
 RGB = tuple[int, int, int]
 CLASSES_FILE = "SemanticClasses.csv"
-CHANNEL = re.compile(r"[0-9]{1,3}")
 FOLDERS_UP = 3
 """How many folders above a semantic picture its class table is looked for (EasySynth: 2)."""
 
 
 def read_classes(path: PathLike) -> dict[str, RGB]:
-    """The colours of all classes by name, each channel 0..255; raises FileError naming line and column."""
+    """The colours of all classes by name, each channel 0..255; raises FileError naming the line."""
     classes: dict[str, RGB] = {}
     for number, line in enumerate(unreal_text(path).splitlines(), 1):
         if not line.strip():
             continue
         name, *cells = line.rsplit(",", 3)  # a name may hold commas
-        if len(cells) != 3:
-            raise FileError(f"{path}:{number}:1: the line is '{line[:80]}'; name,R,G,B is expected")
-        column, color = len(name) + 2, []
-        for channel, cell in zip("RGB", cells):
-            color.append(
-                _channel(f"{path}:{number}:{column + len(cell) - len(cell.lstrip())}: {channel}", cell.strip())
-            )
-            column += len(cell) + 1
-        if name.strip() in classes:
-            raise FileError(f"{path}:{number}:1: class '{name.strip()}' is there for the second time")
-        classes[name.strip()] = (color[0], color[1], color[2])
+        color, name = _rgb_of(cells), name.strip()
+        if color is None:
+            raise FileError(f"{path}:{number}: the line is '{line[:80]}'; name,R,G,B of 0 to 255 each is expected")
+        if name in classes:
+            raise FileError(f"{path}:{number}: class '{name}' is there for the second time")
+        classes[name] = color
     return classes
+
+
+def _rgb_of(cells: Sequence[str]) -> RGB | None:
+    """Three whole numbers of 0 to 255; None: they are something else."""
+    levels = [int(cell) for cell in cells if re.fullmatch(r"\s*[0-9]{1,3}\s*", cell)]
+    return (levels[0], levels[1], levels[2]) if len(levels) == len(cells) == 3 and max(levels) <= 255 else None
 
 
 def class_color(name: str, picture: PathLike) -> RGB:
@@ -42,11 +43,11 @@ def class_color(name: str, picture: PathLike) -> RGB:
 
     Raises MaskError (no table, or no such name: it lists the known), FileError (what the table holds).
     """
-    parts = name.split(",")
-    if len(parts) == 3 and all(part.strip().lstrip("+-").isdecimal() for part in parts):
-        if not all(CHANNEL.fullmatch(part.strip()) and int(part) <= 255 for part in parts):
+    if re.fullmatch(r"[-+\d\s]+,[-+\d\s]+,[-+\d\s]+", name):
+        color = _rgb_of(name.split(","))
+        if color is None:
             raise MaskError(f"`mask_class` is {name[:40]}; R,G,B of 0 to 255 each is expected")
-        return int(parts[0]), int(parts[1]), int(parts[2])
+        return color
     table = _find_table(picture)
     classes = read_classes(table)
     if name not in classes:
@@ -87,9 +88,3 @@ def _find_table(picture: PathLike) -> Path:
     raise MaskError(
         f"{picture}: no {CLASSES_FILE} next to it or up to {FOLDERS_UP} folders above; give the class as R,G,B"
     )
-
-
-def _channel(where: str, text: str) -> int:
-    if not CHANNEL.fullmatch(text) or int(text) > 255:
-        raise FileError(f"{where} is '{text[:40]}'; a whole number 0..255 is expected")
-    return int(text)
