@@ -1,19 +1,16 @@
 """An address and a .part file in; the .part file, as long as the server announced, out. It resumes where it broke off.
 
-Continuing is requested only from the address that the .part file came from, and only if the file there is still the same
-(If-Range); a server that knows nothing of ranges sends everything again.
+What was continued is held against its hash by the caller; a server that knows nothing of ranges sends everything again.
 """
 
 from __future__ import annotations
 
 import http.client
-import json
 import re
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, TypeAlias
 
@@ -47,45 +44,33 @@ class _BrokeOff(Unusable):
     """Less came than was announced; what came is kept."""
 
 
-@dataclass(frozen=True)
-class _Reply:
-    """What the server announced."""
-
-    start: int
-    """First byte of the file that it sends."""
-    total: int | None
-    """Bytes of the whole file."""
-    validator: str
-    """HTTP validator (ETag, else date) of this version of the file; empty where there is none."""
-
-
-def download(url: str, part: Path, size: int | None, progress: Progress | None) -> bool:
+def download(url: str, part: Path, size: int | None, progress: Progress | None, resume: bool) -> bool:
     """Make `part` the whole file at that address; True where it is not from one single reply.
 
     Args:
         url: http or https.
-        part: what has arrived; what it came from is written next to it.
+        part: what has arrived.
         size: bytes expected, None: unknown.
         progress: called with the bytes that have arrived and the bytes in all.
+        resume: continue from what has arrived, and leave it there where the connection breaks.
     Raises:
         Unusable: this address does not give the file; in words why.
         OutputError: the disk cannot be written.
     """
     try:
-        return _download_parts(url, part, size, progress)
+        return _download_parts(url, part, size, progress, resume)
     except BaseException as error:
         kept = isinstance(error, (_BrokeOff, Offline)) or not isinstance(error, Unusable)
-        if not (kept and _resumable_bytes(url, part)):  # only what a later pull continues from stays
+        if not (resume and kept and _bytes_of(part)):  # only what a later pull continues from stays
             part.unlink(missing_ok=True)
-            _state_file(part).unlink(missing_ok=True)
         raise
 
 
-def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None) -> bool:
+def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None, resume: bool) -> bool:
     """As `download`, which removes what is left of a failure."""
     resumed, before = False, -1
     for _ in range(TRIES):
-        start_at = _resumable_bytes(url, part)
+        start_at = _bytes_of(part) if resume else 0
         if start_at <= before:  # a whole try brought nothing
             break
         resumed = resumed or start_at > 0
@@ -95,7 +80,6 @@ def _download_parts(url: str, part: Path, size: int | None, progress: Progress |
             broken = error
             before = start_at if part.is_file() else -1
         else:
-            _state_file(part).unlink(missing_ok=True)
             return resumed
     raise broken
 
@@ -103,47 +87,42 @@ def _download_parts(url: str, part: Path, size: int | None, progress: Progress |
 def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Progress | None) -> None:
     """One request, from byte `start_at` on."""
     request = urllib.request.Request(url, headers={"User-Agent": "dlama", "Accept-Encoding": "identity"})
-    validator = _read_state(part).get("validator", "")
-    if start_at and validator:
+    if start_at:
         request.add_header("Range", f"bytes={start_at}-")
-        request.add_header("If-Range", validator)
     with _name_failures(part), urllib.request.urlopen(request, timeout=SILENT_SECONDS) as response:
-        reply = _reply(url, response, start_at, size)
+        start, total = _announced(url, response, start_at, size)
         with _disk_errors(part):
-            _state_file(part).write_text(json.dumps({"url": url, "validator": reply.validator}), "utf-8")
-            sink = part.open("r+b" if reply.start else "wb")
+            sink = part.open("ab" if start else "wb")
         with sink:
-            sink.seek(reply.start)
-            sink.truncate()
-            done = _copy(response, sink, reply, size, progress)
-    if reply.total is not None and done < reply.total:
-        raise _BrokeOff(f"broke off after {done} of {reply.total} bytes; pulling again continues from there")
+            done = _copy(response, sink, start, total, size, progress)
+    if total is not None and done < total:
+        raise _BrokeOff(f"broke off after {done} of {total} bytes; pulling again continues from there")
     if size is not None and done != size:
         raise Unusable(f"cut short: {done} bytes came, expected {size}")
 
 
-def _copy(response: Any, sink: IO[bytes], reply: _Reply, size: int | None, progress: Progress | None) -> int:
-    """Bytes of the file that lie on the disk afterwards."""
-    done = reply.start
-    for piece in _pieces(response, reply):
+def _copy(
+    response: Any, sink: IO[bytes], done: int, total: int | None, size: int | None, progress: Progress | None
+) -> int:
+    """Bytes of the file that lie on the disk afterwards; `done` of `total` lie there before."""
+    for piece in _pieces(response, done == 0, total):
         done += len(piece)
         if done > (LONGEST if size is None else size):
             raise Unusable(f"too long: more than {LONGEST if size is None else size} bytes came")
         with _disk_errors(Path(sink.name)):
             sink.write(piece)
         if progress:
-            progress(done, reply.total or size)
+            progress(done, total or size)
     return done
 
 
-def _pieces(response: Any, reply: _Reply) -> Iterator[bytes]:
-    """The body as it comes; ends early where the connection does."""
-    first = reply.start == 0
+def _pieces(response: Any, first: bool, total: int | None) -> Iterator[bytes]:
+    """The body as it comes; ends early where the connection does. first: whether the file begins with it."""
     while True:
         try:
             piece = response.read(PIECE)
         except (http.client.IncompleteRead, ConnectionError, TimeoutError):
-            if reply.total is None:
+            if total is None:
                 raise _BrokeOff("broke off; the server did not announce the file's length") from None
             return
         if not piece:
@@ -154,18 +133,17 @@ def _pieces(response: Any, reply: _Reply) -> Iterator[bytes]:
         yield piece
 
 
-def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
-    """What the headers announce; raises where it is plainly not the file."""
+def _announced(url: str, response: Any, start_at: int, size: int | None) -> tuple[int, int | None]:
+    """The first byte that the server sends, and those of the whole file; raises where it is plainly not the file."""
     headers = response.headers
     _refuse_other(url, response)
     length = headers.get("Content-Length", "")
-    total = int(length) if length.isdecimal() else None
-    start = 0
+    start, total = 0, int(length) if length.isdecimal() else None
     if response.status == PARTIAL:
         start, total = start_at, _total_of_range(headers.get("Content-Range", ""), start_at)
     if size is not None and total is not None and total != size:
         raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
-    return _Reply(start, total, _validator(headers))
+    return start, total
 
 
 def _refuse_other(url: str, response: Any) -> None:
@@ -174,12 +152,6 @@ def _refuse_other(url: str, response: Any) -> None:
         raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
     if response.headers.get_content_type() == "text/html" and "Content-Type" in response.headers:
         raise Moved(WEB_PAGE)
-
-
-def _validator(headers: Any) -> str:
-    """What a server's file is known by: a strong ETag, else the time of its last change; "": nothing."""
-    tag = headers.get("ETag", "")
-    return str(headers.get("Last-Modified", "") if not tag or tag.startswith("W/") else tag)
 
 
 def _total_of_range(sent: str, start_at: int) -> int | None:
@@ -218,20 +190,5 @@ def _disk_errors(part: Path) -> Iterator[None]:
         raise OutputError(f"{part}: cannot be written ({error}); DLAMA_MODELS names another directory") from error
 
 
-def _state_file(part: Path) -> Path:
-    return part.with_name(part.name + ".json")
-
-
-def _read_state(part: Path) -> dict[str, str]:
-    try:
-        state = json.loads(_state_file(part).read_text("utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return {str(key): str(value) for key, value in state.items()} if isinstance(state, dict) else {}
-
-
-def _resumable_bytes(url: str, part: Path) -> int:
-    """Bytes that came from that address before and can be gone on from."""
-    state = _read_state(part)
-    usable = part.is_file() and state.get("url") == url and state.get("validator")
-    return part.stat().st_size if usable else 0
+def _bytes_of(part: Path) -> int:
+    return part.stat().st_size if part.is_file() else 0

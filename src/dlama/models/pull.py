@@ -45,10 +45,13 @@ def pull(model: Record, progress: Progress | None = None) -> Path:
 
 
 def _from_mirror(url: str, model: Record, target: Path, progress: Progress | None) -> Path:
-    """From one mirror; a wrong hash after a resumed download is given one more try from the start."""
+    """From one mirror; a wrong hash after a resumed download is given one more try from the start.
+
+    It resumes where the hash, or the checksum of a ZIP's entry, tells whether the pieces are of one file.
+    """
     part = target.with_name(target.name + (".zip.part" if model.member else ".part"))
     while True:
-        resumed = download(url, part, model.bytes, progress)
+        resumed = download(url, part, model.bytes, progress, resume=bool(model.sha256 or model.member))
         complaint = mismatch(*size_and_sha256(part), model.bytes, model.sha256)
         if not complaint:
             break
