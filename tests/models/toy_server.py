@@ -22,7 +22,6 @@ class Site:
     kind: str = "application/octet-stream"
     to: str = ""
     chunked: bool = False
-    wrong_range: bool = False
 
 
 class Server:
@@ -63,7 +62,6 @@ def _answer(handler: BaseHTTPRequestHandler, site: Site) -> None:
             handler.send_header("Content-Length", "0")
             handler.end_headers()
             return
-    start += site.wrong_range
     body = site.body[start:]
     handler.send_response(206 if start else site.status)
     if start:

@@ -6,7 +6,6 @@ What was continued is held against its hash by the caller; a server that knows n
 from __future__ import annotations
 
 import http.client
-import re
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -25,15 +24,10 @@ LONGEST = 4 << 30
 TRIES = 4
 RANGE_REFUSED = 416
 PARTIAL = 206
-WEB_PAGE = "a web page came instead of the file (moved, or a login is asked for)"
 
 
 class Unusable(Exception):
     """This mirror did not give the file; the next one is tried."""
-
-
-class Moved(Unusable):
-    """The file is not at this address any more."""
 
 
 class Offline(Unusable):
@@ -105,7 +99,7 @@ def _copy(
     response: Any, sink: IO[bytes], done: int, total: int | None, size: int | None, progress: Progress | None
 ) -> int:
     """Bytes of the file that lie on the disk afterwards; `done` of `total` lie there before."""
-    for piece in _pieces(response, done == 0, total):
+    for piece in _pieces(response, total):
         done += len(piece)
         if done > (LONGEST if size is None else size):
             raise Unusable(f"too long: more than {LONGEST if size is None else size} bytes came")
@@ -116,8 +110,8 @@ def _copy(
     return done
 
 
-def _pieces(response: Any, first: bool, total: int | None) -> Iterator[bytes]:
-    """The body as it comes; ends early where the connection does. first: whether the file begins with it."""
+def _pieces(response: Any, total: int | None) -> Iterator[bytes]:
+    """The body as it comes; ends early where the connection does."""
     while True:
         try:
             piece = response.read(PIECE)
@@ -127,39 +121,21 @@ def _pieces(response: Any, first: bool, total: int | None) -> Iterator[bytes]:
             return
         if not piece:
             return
-        if first and re.match(rb"\s*<(!doctype\s+html|html)", piece[:256], re.IGNORECASE):
-            raise Moved(WEB_PAGE)
-        first = False
         yield piece
 
 
 def _announced(url: str, response: Any, start_at: int, size: int | None) -> tuple[int, int | None]:
     """The first byte that the server sends, and those of the whole file; raises where it is plainly not the file."""
+    if url.startswith("https:") and not response.geturl().startswith("https:"):
+        raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
     headers = response.headers
-    _refuse_other(url, response)
-    length = headers.get("Content-Length", "")
-    start, total = 0, int(length) if length.isdecimal() else None
-    if response.status == PARTIAL:
-        start, total = start_at, _total_of_range(headers.get("Content-Range", ""), start_at)
+    if headers.get_content_type() == "text/html" and "Content-Type" in headers:
+        raise Unusable("a web page came instead of the file (moved, or a login is asked for)")
+    length, start = headers.get("Content-Length", ""), start_at if response.status == PARTIAL else 0
+    total = start + int(length) if length.isdecimal() else None
     if size is not None and total is not None and total != size:
         raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
     return start, total
-
-
-def _refuse_other(url: str, response: Any) -> None:
-    """Raise Unusable where a reply comes from an unsafe address, or is a web page."""
-    if url.startswith("https:") and not response.geturl().startswith("https:"):
-        raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
-    if response.headers.get_content_type() == "text/html" and "Content-Type" in response.headers:
-        raise Moved(WEB_PAGE)
-
-
-def _total_of_range(sent: str, start_at: int) -> int | None:
-    """Bytes of the whole file by a Content-Range, None where it is not stated. Unusable: other bytes come than were asked for."""
-    match = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", sent.strip())
-    if match is None or int(match[1]) != start_at:
-        raise Unusable(f"asked for the bytes from {start_at} on, it sends {sent or 'others'}")
-    return None if match[2] == "*" else int(match[2])
 
 
 @contextmanager
@@ -171,9 +147,8 @@ def _name_failures(part: Path) -> Iterator[None]:
         if error.code == RANGE_REFUSED:
             part.unlink(missing_ok=True)
             raise _BrokeOff("what had arrived before does not fit its file") from error
-        kind = Moved if error.code in (404, 410) else Unusable
         words = {404: "moved or gone", 410: "gone", 401: "a login is asked for", 403: "access refused"}
-        raise kind(f"{words.get(error.code, 'the server fails')} (HTTP {error.code})") from error
+        raise Unusable(f"{words.get(error.code, 'the server fails')} (HTTP {error.code})") from error
     except urllib.error.URLError as error:
         raise Offline(f"no connection ({error.reason})") from error
     except (ConnectionError, TimeoutError) as error:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from dlama.errors import FileError, OutputError, system_errors
 from dlama.models.cache import PINS, describe_manual_install, known_size_and_sha256, pin, target_path
-from dlama.models.download import LONGEST, Moved, Offline, Progress, Unusable, download
+from dlama.models.download import LONGEST, Progress, Unusable, download
 from dlama.models.records import Record
 from dlama.models.verify import mismatch, size_and_sha256, verify
 
@@ -101,10 +101,5 @@ def _unpack(archive: Path, model: Record, target: Path) -> Path:
 def _failure_message(model: Record, failures: list[tuple[str, Unusable]]) -> str:
     if not failures:
         return f"{model.name}: nobody serves this file. {describe_manual_install(model)}"
-    if all(isinstance(error, Offline) for _, error in failures):
-        begin = f"{model.name}: no connection; is this machine online?"
-    elif all(isinstance(error, Moved) for _, error in failures):
-        begin = f"{model.name}: the file has moved away from every known address"
-    else:
-        begin = f"{model.name}: no mirror gave the right file"
-    return f"{begin} [{'; '.join(f'{url}: {error}' for url, error in failures)}]. {describe_manual_install(model)}"
+    reasons = "; ".join(f"{url}: {error}" for url, error in failures)
+    return f"{model.name}: no mirror gave the right file [{reasons}]. {describe_manual_install(model)}"

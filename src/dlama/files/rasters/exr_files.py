@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import struct
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from fnmatch import fnmatchcase
@@ -25,8 +24,6 @@ CHANNEL_ORDER = ("z", "depth", "*depth.z", "*.z", "*depth*", "r", "y")
 """Which channel of an EXR is depth: the first of these that is there (without regard to case), else the only one."""
 ORDERS = {"depth": CHANNEL_ORDER, "matte": ("a", "*.a", "r", "y"), "opaque matte": ("r", "y")}
 """The same of what else is read."""
-LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
-"""By compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
 
 
 def read_exr(path: PathLike, channel: str | None = None, what: str = "depth") -> Float32Array:
@@ -36,14 +33,13 @@ def read_exr(path: PathLike, channel: str | None = None, what: str = "depth") ->
     the exact name, PART.NAME where several parts have it; None looks for `what` (ORDERS). Raises FileError.
     """
     file = existing_file(path)
-    check_exr_is_whole(file)
     with (
         any_error(FileError, f"{file}: is damaged or no OpenEXR file"),
         OpenEXR.File(_name_or_bytes(file), separate_channels=True) as exr,
     ):
         with OpenEXR.File(_name_or_bytes(file), header_only=True) as headers:
             if len(exr.parts) < len(headers.parts):  # the library leaves out what it cannot decode
-                raise FileError(f"{file}: is damaged")
+                raise FileError(f"{file}: is damaged or truncated")
         planes = _planes(exr.parts)
         chosen = _channel_of(file, {name: values for name, (_, values) in planes.items()}, channel, what)
         header, values = planes[chosen]
@@ -155,40 +151,3 @@ def _check_grey(file: Path, channels: dict[str, np.ndarray], chosen: str, what: 
     for other in {"R": "GB", "r": "gb"}.get(chosen, ""):
         if other in channels and not np.array_equal(channels[chosen], channels[other], equal_nan=True):
             raise FileError(f"{file}: is a colour picture (R and {other} differ); {what} in one channel is expected")
-
-
-def check_exr_is_whole(file: Path) -> None:
-    """Raise FileError for a file that ends early; the library itself complains on the terminal before it raises.
-
-    Only what is simple is checked here, one scan-line part (format: openexr.com, "OpenEXR File Layout"): behind the
-    header lies a table of chunk offsets, at each offset a line number, a size and that many bytes.
-    """
-    data = file.read_bytes()
-    if data[:4] != b"\x76\x2f\x31\x01":
-        raise FileError(f"{file}: is no OpenEXR file")
-    try:
-        flags = struct.unpack_from("<I", data, 4)[0]
-        if flags & 0x1A00:  # tiled, deep or of several parts: left to the library
-            return
-        table, chunks = _chunk_table(data)
-        offsets = struct.unpack_from(f"<{chunks}Q", data, table)
-        ends = [at + 8 + struct.unpack_from("<i", data, at + 4)[0] for at in offsets]
-        whole = min(offsets) > table and max(ends) <= len(data)
-    except (struct.error, ValueError, KeyError, IndexError, OverflowError):
-        whole = False
-    if not whole:
-        raise FileError(f"{file}: is damaged or truncated")
-
-
-def _chunk_table(data: bytes) -> tuple[int, int]:
-    """(where the table of chunk offsets begins, how many there are) of a scan-line EXR."""
-    at, found = 8, {}
-    while data[at]:
-        name_end = data.index(b"\0", at)
-        type_end = data.index(b"\0", name_end + 1)
-        size = struct.unpack_from("<i", data, type_end + 1)[0]
-        found[data[at:name_end]] = data[type_end + 5 : type_end + 5 + size]
-        at = type_end + 5 + size
-    _, top, _, bottom = struct.unpack("<4i", found[b"dataWindow"])
-    lines = LINES_PER_CHUNK[found[b"compression"][0]]
-    return at + 1, -(-(bottom - top + 1) // lines)
