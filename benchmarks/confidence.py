@@ -104,7 +104,7 @@ def rows_of(
     levels = np.where(view.color_hole[view.hole][chosen], levels, 0)
     depth_right = off <= room.DEPTH_WITHIN
     return Rows(
-        room.feature_rows(view, color, depth).T[chosen],
+        room.feature_rows(room.features_of_known(view), color, depth).T[chosen],
         np.stack([depth_right & (levels <= room.COLOR_WITHIN), depth_right], 1),
         np.stack([off, levels], 1),
         in_depths,

@@ -15,7 +15,6 @@ from dlama.geometry.view import View
 from dlama.inpainters import FILLERS, FillerRecord
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill
-from dlama.inpainters.making import MAKE
 
 SIZE, SHIFT_M = 64, 0.5
 WALL_M, SQUARE_M = 4.0, 2.0
@@ -58,8 +57,7 @@ def constant(view: View, context: FillContext, seed: int) -> Fill:
 @pytest.fixture
 def constant_filler(monkeypatch: pytest.MonkeyPatch) -> str:
     """Its name, while the test runs."""
-    monkeypatch.setitem(FILLERS, "constant", FillerRecord())
-    monkeypatch.setitem(MAKE, "constant", lambda: constant)
+    monkeypatch.setitem(FILLERS, "constant", FillerRecord(__name__, "constant"))
     return "constant"
 
 

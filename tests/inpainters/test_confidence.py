@@ -19,6 +19,7 @@ from dlama.inpainters.confidence import (
     ConfidenceNetwork,
     confidence_network,
     feature_rows,
+    features_of_known,
     judge_fill,
 )
 
@@ -69,7 +70,9 @@ def test_known_pixels_keep_theirs_and_depth_alone_is_surer() -> None:
 
 def test_features_know_no_scale() -> None:
     """Law: a scene ten times as large has the same features."""
-    small, large = (feature_rows(*holed(scale=scale)).T for scale in (1.0, 10.0))
+    small, large = (
+        feature_rows(features_of_known(view), color, depth).T for view, color, depth in (holed(), holed(scale=10.0))
+    )
     assert small.shape == (int(holed()[0].hole.sum()), FEATURES)
     np.testing.assert_allclose(small, large, atol=2e-3)
 
@@ -86,7 +89,7 @@ def test_estimated_depth_is_trusted_less() -> None:
     view, color, depth = holed()
     rgbd = RGBD(view.color, np.where(view.hole, 0, view.depth), view.camera, estimate={"estimator": "mine"})
     estimated = dataclasses.replace(view, origin=np.where(view.hole, view.origin, View.from_rgbd(rgbd).origin))
-    features = [feature_rows(one, color, depth).T for one in (view, estimated)]
+    features = [feature_rows(features_of_known(one), color, depth).T for one in (view, estimated)]
     np.testing.assert_array_equal(features[0][:, :-1], features[1][:, :-1])
     assert (features[0][:, -1] == 0).all() and (features[1][:, -1] == 1).all()
     measured, guessed = (judge_fill(one, color, depth)[0][view.hole] for one in (view, estimated))

@@ -143,7 +143,7 @@ def complete_box(plan: Plan, scene: Scene, box: HeadBox, clock: Clock) -> tuple[
     """The scene completed for the cameras of a box, in whose frames everything has a depth; the views that were filled for it,
     and the share that stays open of the view that has most of it."""
     with clock("look"):
-        unknown = Unknown.of(scene, box)
+        unknown = Unknown(scene, box)
     seen: list[CompletedView] = []
     while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
         camera = unknown.next_camera() if len(seen) > 1 else box.wide(-len(seen))
@@ -159,10 +159,12 @@ def complete_box(plan: Plan, scene: Scene, box: HeadBox, clock: Clock) -> tuple[
 
 
 class Unknown:
-    """What is still unknown from cameras of a box, looked at in pictures of every `step`-th pixel."""
+    """What is still unknown of a scene, in whose frames everything has a depth, from cameras of a box, looked at in pictures of
+    every `step`-th pixel."""
 
-    def __init__(self, box: HeadBox, step: int) -> None:
-        self.cameras, self.step = box.grid(), step
+    def __init__(self, scene: Scene, box: HeadBox) -> None:
+        self.step = step = step_for(int((~scene.middle_frame.load().hole).sum()), LOOK_PIXELS)
+        self.cameras = box.grid()
         if self.cameras:
             self.cameras += box.sample(BETWEEN, seed=1)
         self.next_ones = list(range(min(2, len(self.cameras))))
@@ -170,14 +172,8 @@ class Unknown:
             subsample_camera(camera, step, (camera.height // step, camera.width // step)) for camera in self.cameras
         ]
         self.holes = [np.ones(camera.hw, bool) for camera in self.small]
-
-    @classmethod
-    def of(cls, scene: Scene, box: HeadBox) -> Unknown:
-        """Of a scene, in whose frames everything has a depth."""
         frames = tuple(scene.frames[place] for place in choose_frames(scene.frames, box.camera))
-        unknown = cls(box, step_for(int((~scene.middle_frame.load().hole).sum()), LOOK_PIXELS))
-        unknown.look((*frames, *scene.fills))
-        return unknown
+        self.look((*frames, *scene.fills))
 
     @property
     def share(self) -> float:

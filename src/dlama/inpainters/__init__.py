@@ -1,13 +1,14 @@
 """Fillers: a View with holes in; the same View without holes out. FILLERS, at the end, is the closed list of their names.
 
 Begin with `filling` (the contract of a filler, and what `inpaint` guarantees) and `context` (what a filler knows besides the
-view). Then `layered/` (the default where depth was measured), `patchmatch/` (where it was estimated) and `networks/`. This file
-imports no filler, since the command line's help reads the names: `making` does.
+view). Then `layered/` (the default where depth was measured), `patchmatch/` (where it was estimated) and `networks/`. A filler's
+code is imported when it is asked for, since the command line's help reads the names.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,8 +23,12 @@ ASSETS = Path(__file__).parents[1] / "assets"
 
 @dataclass(frozen=True)
 class FillerRecord:
-    """The requirements of a filler."""
+    """Where a filler is, and its requirements."""
 
+    module: str
+    """The module that has it."""
+    function: str
+    """The filler there; of one that runs a network the function that makes it of the file."""
     needs_model: bool = False
     """Whether it runs a network file."""
     shipped: str | None = None
@@ -49,10 +54,9 @@ def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inp
         if not callable(filler):
             raise InputError(f"`filler` is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected, or a function")
         return filler
-    file = model_file(filler, model)
-    from dlama.inpainters.making import MAKE
-
-    return MAKE[filler]() if file is None else MAKE[filler](file)
+    file, record = model_file(filler, model), FILLERS[filler]
+    found = getattr(import_module(record.module), record.function)
+    return found if file is None else found(file)
 
 
 def model_file(filler: str, model: str | Path | None = None) -> Path | None:
@@ -74,14 +78,16 @@ def model_file(filler: str, model: str | Path | None = None) -> Path | None:
 
 MIGAN = "migan/migan-512-tuned.onnx"
 FILLERS: dict[str, FillerRecord] = {
-    "layered": FillerRecord(),
-    "layered-patches": FillerRecord(needs_model=True, shipped=MIGAN),
-    "telea": FillerRecord(),
-    "lama": FillerRecord(needs_model=True, source="`dlama models pull big-lama` gets one"),
-    "migan": FillerRecord(needs_model=True, shipped=MIGAN),
-    "patchmatch": FillerRecord(needs_model=True, shipped=MIGAN),
-    "joint": FillerRecord(needs_model=True),
-    "pair": FillerRecord(needs_model=True),
+    "layered": FillerRecord(f"{__name__}.layered.filler", "layered"),
+    "layered-patches": FillerRecord(f"{__name__}.layered.filler", "layered_patches_filler", True, MIGAN),
+    "telea": FillerRecord(f"{__name__}.opencv", "telea"),
+    "lama": FillerRecord(
+        f"{__name__}.networks.lama", "lama_filler", True, source="`dlama models pull big-lama` gets one"
+    ),
+    "migan": FillerRecord(f"{__name__}.networks.migan", "migan_filler", True, MIGAN),
+    "patchmatch": FillerRecord(f"{__name__}.patchmatch.filler", "patchmatch_filler", True, MIGAN),
+    "joint": FillerRecord(f"{__name__}.networks.lama", "joint_filler", True),
+    "pair": FillerRecord(f"{__name__}.networks.pair", "pair_filler", True),
 }
 """Name -> record."""
 

@@ -80,7 +80,7 @@ def judge_fill(
     errors = np.zeros((*view.hole.shape, 2), np.float32) if view.errors is None else view.errors.copy()
     if view.hole.any():
         known = known or features_of_known(view)
-        found = np.hstack(confidence_network()(feature_rows(view, color, depth, known).T))
+        found = np.hstack(confidence_network()(feature_rows(known, color, depth).T))
         both, depth_alone, *expected = enlarge_to_hole(found, known, view.hole)
         painted = view.color_hole[view.hole]
         confidence[view.hole] = np.where(painted, both, np.maximum(both, depth_alone))
@@ -163,15 +163,13 @@ def features_of_known(view: View, noise: float = 0.0) -> KnownFeatures:
     return KnownFeatures(view, step, rows, rim, typical, mean)
 
 
-def feature_rows(
-    view: View, color: UInt8Array, depth: Float32Array, known: KnownFeatures | None = None
-) -> Float32Array:
+def feature_rows(known: KnownFeatures, color: UInt8Array, depth: Float32Array) -> Float32Array:
     """FEATURES x N of the N hole pixels that are judged, row by row, arguments as of `judge_fill`."""
-    judged, step, rows, rim, typical, mean = known or features_of_known(view)
+    view, step, rows, rim, typical, mean = known
     if step > 1:
-        at = sampled_pixels(view.hole.shape, step)
+        at = sampled_pixels(depth.shape, step)
         color, depth = color[at], depth[at]
-    view, hole, diagonal = judged, judged.hole, float(np.hypot(*judged.hole.shape))
+    hole, diagonal = view.hole, float(np.hypot(*view.hole.shape))
     w = inverse_depth(np.where(hole, depth, view.depth))
     rows[9] = w[hole] == 0
     log_w = log_inverse(w, typical)

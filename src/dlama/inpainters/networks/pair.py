@@ -8,6 +8,7 @@ surfaces are continued, as `depth_first` does.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.contract import require_planes
-from dlama.inpainters.networks.engine import Engine
+from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.tiling import Network, fill_crops
 from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes
 
@@ -49,6 +50,11 @@ class PairFiller:
             return np.where(hole[..., None], own, picture)
 
         return Painter(paint, self, lambda: self.network.notes | {"masks": MASKS_NOTE[self.network.contract.masks]})
+
+
+def pair_filler(model: str | Path) -> PairFiller:
+    """A filler of a network file. FileError where there is no file."""
+    return PairFiller(open_engine(model))
 
 
 def fill_pair(network: Engine, planes: Float32Array, holes: BoolArray) -> Float32Array:

@@ -85,7 +85,7 @@ def difference(
     """
     height, width, channels = values.shape
     total = 0.0
-    if HALF <= row < height - HALF and HALF <= column < width - HALF and channels == CHANNELS:
+    if HALF <= row < height - HALF and HALF <= column < width - HALF:
         most = limit * SIDE * SIDE
         at = ((row - HALF) * width + column - HALF) * CHANNELS
         other = ((source_row - HALF) * width + source_column - HALF) * CHANNELS

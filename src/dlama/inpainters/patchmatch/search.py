@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +80,8 @@ class Search:
         for step in range(matchings):
             reach = float(max(self.sources.shape)) if step == 0 else NEAR
             steps = kernels.Steps(self.random, 104729 * (turn * matchings + step), reach)
-            self._run(kernels.match_rows, self.patches, penalties, steps, self.found.copy(), self.matches)
+            arguments = self.patches, penalties, steps, self.found.copy(), self.matches
+            in_bands(kernels.match_rows, len(self.targets), *arguments, band=BAND)
 
     def vote(self) -> None:
         """Set the hole's values by a vote of the matched patches, drawn to the guess."""
@@ -127,7 +125,7 @@ class Search:
         return vote_kernels.Votes(self.pixels, self.number, self.found, weights, gaussian(width_px))
 
     def _weigh(self) -> None:
-        self._run(kernels.cost_rows, self.patches, self._penalties(), self.matches)
+        in_bands(kernels.cost_rows, len(self.targets), self.patches, self._penalties(), self.matches, band=BAND)
 
     def _penalties(self) -> kernels.Penalties:
         """By how many times each known pixel is used."""
@@ -136,9 +134,6 @@ class Search:
         times = np.bincount(flat, minlength=self.sources.size).reshape(self.sources.shape)
         used = np.asarray(cv2.blur(times.astype(np.float32), (kernels.SIDE, kernels.SIDE)), np.float32)
         return kernels.Penalties(self.weights, used, self.label)
-
-    def _run(self, kernel: Callable[..., None], *arguments: Any) -> None:
-        in_bands(kernel, len(self.targets), *arguments, band=BAND)
 
 
 def gaussian(width_px: float) -> Float32Array:

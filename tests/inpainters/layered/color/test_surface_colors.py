@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.inpainters.layered.color.cell_grid import UNTRUSTED, trusted_labels
+from dlama.inpainters.layered.color.cell_grid import trusted_labels
 from dlama.inpainters.layered.color.surface_colors import GREY, SKY_COLOR, spread_colors
+from dlama.inpainters.layered.kernels.cells import UNTRUSTED
 
 
 def slanted_plane(size: int, tilt_deg: float):

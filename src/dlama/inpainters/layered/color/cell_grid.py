@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
+from dlama.inpainters.layered.kernels.cells import UNTRUSTED, Cells, Labels, shrink, trusted_sources
 
-Labels = NDArray[np.int8]
-UNTRUSTED = -2
-"""Label of pixels without a surface's own colour: holes, and pixels next to a nearer surface, whose colour may be mixed."""
 FEW, SHARE_LEFT = 100, 0.25
 """Least number and share of a surface's pixels that must remain trusted; below, pixels nearer to occluders are trusted, too:
 leaves have no others."""
@@ -23,30 +18,17 @@ LONGER_SIDE = 256
 """Of the grid, in cells."""
 
 
-@dataclass(frozen=True, eq=False)
-class CellGrid:
-    """The cells of a picture. Labels: -1 non-planar, 0 sky, k >= 1 the k-th plane, UNTRUSTED."""
-
-    size: int
-    """Pixels along a side of a cell."""
-    color: Float32Array
-    """rows x cols x 3: mean of the cell's trusted pixels."""
-    inverse_depth: Float32Array
-    """rows x cols, 1/m: the same; 0 = sky."""
-    label: Labels
-    """rows x cols: the label of cells most of whose pixels are trusted and of one surface, else UNTRUSTED."""
-
-    @classmethod
-    def of(
-        cls, color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Labels, spoiled: BoolArray
-    ) -> CellGrid:
-        """The grid of arrays of one size (H x W); what is `spoiled` counts only where all of its surface is."""
-        size = max(1, -(-max(hole.shape) // LONGER_SIDE))
-        trusted = trusted_labels(hole, inverse_depth, label)
-        if spoiled.any():
-            left = np.flatnonzero(count_labels(trusted, ~spoiled)) + UNTRUSTED
-            trusted[spoiled & is_one_of(trusted, left)] = UNTRUSTED
-        return cls(size, *shrink(color, inverse_depth, trusted, size))
+def divide_into_cells(
+    color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Labels, spoiled: BoolArray
+) -> tuple[Cells, int]:
+    """The cells of arrays of one size (H x W), and the pixels along a side of each; what is `spoiled` counts only where all of
+    its surface is."""
+    size = max(1, -(-max(hole.shape) // LONGER_SIDE))
+    trusted = trusted_labels(hole, inverse_depth, label)
+    if spoiled.any():
+        left = np.flatnonzero(count_labels(trusted, ~spoiled)) + UNTRUSTED
+        trusted[spoiled & is_one_of(trusted, left)] = UNTRUSTED
+    return shrink(color, inverse_depth, trusted, size), size
 
 
 def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Labels:

@@ -14,9 +14,10 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
-from dlama.inpainters.layered.color.cell_grid import UNTRUSTED, CellGrid, Labels
+from dlama.inpainters.layered.color.cell_grid import divide_into_cells
 from dlama.inpainters.layered.depth.surfaces import Surfaces
 from dlama.inpainters.layered.kernels import base_color as base_kernels
+from dlama.inpainters.layered.kernels.cells import UNTRUSTED, Cells, Labels
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.perception.planes import SKY
 
@@ -93,26 +94,29 @@ def spread_colors(
         return out
     out[hole] = GREY
     out[hole & (label == SKY) & ~hole.all()] = SKY_COLOR if sky is None else np.rint(sky)
-    grid = CellGrid.of(color, hole, inverse_depth, label, np.zeros_like(hole) if spoiled is None else spoiled)
-    regions = sorted(hole_regions(grid, hole, inverse_depth, label), key=lambda region: -len(region.pixels))
+    grid, size = divide_into_cells(
+        color, hole, inverse_depth, label, np.zeros_like(hole) if spoiled is None else spoiled
+    )
+    regions = sorted(hole_regions(grid, 2 * size, hole, inverse_depth, label), key=lambda region: -len(region.pixels))
 
     def paint_regions(first: int, last: int) -> None:
         for region in regions[first:last]:
             if region.sources.any():
                 base = surface_base(grid, region)
-                found = enlarge_at(base, region.pixels, hole.shape[1], (2 * grid.size, 2 * grid.size))
+                found = enlarge_at(base, region.pixels, hole.shape[1], (2 * size, 2 * size))
                 out.reshape(-1, 3)[region.pixels] = np.rint(found, out=found)
 
     in_bands(paint_regions, len(regions), band=1)
     return out
 
 
-def hole_regions(grid: CellGrid, hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Iterator[HoleRegion]:
+def hole_regions(
+    grid: Cells, size: int, hole: BoolArray, inverse_depth: Float32Array, label: Labels
+) -> Iterator[HoleRegion]:
     """The hole split into regions: sufficiently visible planes and sky, and the rest by its depth, in octaves, which takes colour
-    from all that is no nearer."""
+    from all that is no nearer. size: pixels along a side of the base's cells."""
     holes = np.flatnonzero(hole)
     rows, cols = np.divmod(holes, hole.shape[1])
-    size = 2 * grid.size
     cells = (rows // size) * -(-hole.shape[1] // size) + cols // size
     labels, w = label.ravel()[holes], inverse_depth.ravel()[holes]
     rest = np.ones(len(holes), np.bool_)
@@ -128,7 +132,7 @@ def hole_regions(grid: CellGrid, hole: BoolArray, inverse_depth: Float32Array, l
         yield HoleRegion(holes[here], cells[here], behind)
 
 
-def surface_base(grid: CellGrid, region: HoleRegion) -> Float32Array:
+def surface_base(grid: Cells, region: HoleRegion) -> Float32Array:
     """rows x cols x 3: one surface's known cells, slightly blurred, extrapolated into the hole.
 
     First by a pyramid, then as a screened membrane (Laplace's equation).

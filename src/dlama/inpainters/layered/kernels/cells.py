@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import Array, Whole, as_input, in_bands, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
+Labels = NDArray[np.int8]
+UNTRUSTED = -2
+"""Label of pixels without a surface's own colour: holes, and pixels next to a nearer surface, whose colour may be mixed."""
 NEARER = np.float32(1.04)
 """Ratio of inverse depths beyond which a source is an occluder."""
 NON_PLANAR_NEARER = np.float32(1.2)
@@ -22,7 +25,7 @@ def trusted_rows(
     first: Whole,
     last: Whole,
     inverse_depth: Float32Array,
-    label: NDArray[np.int8],
+    label: Labels,
     reach: Whole,
     nearest: Float32Array,
     out: BoolArray,
@@ -49,7 +52,7 @@ def trusted_rows(
             out[y, x] = good
 
 
-def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray[np.int8], reach: int) -> BoolArray:
+def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: Labels, reach: int) -> BoolArray:
     """Known pixels with their surface's own colour: no hole and no nearer surface within `reach` px."""
     square, out = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8), np.zeros(hole.shape, np.bool_)
     nearest = cv2.dilate(np.where(hole, np.float32(np.inf), inverse_depth), square)
@@ -57,29 +60,30 @@ def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray
     return out
 
 
-class Trusted(NamedTuple):
-    """A picture, or its means over blocks."""
+class Cells(NamedTuple):
+    """A picture, or its means over cells."""
 
     color: Array
-    """H x W x 3."""
+    """H x W x 3, of trusted pixels."""
     inverse_depth: Float32Array
-    source: NDArray[np.int8]
-    """Label of trusted pixels, -2 elsewhere."""
+    """H x W, 1/m; 0 = sky."""
+    label: Labels
+    """H x W: -1 non-planar, 0 sky, k >= 1 the k-th plane; UNTRUSTED where no surface's own colour is known."""
 
 
 @kernel
-def shrink_rows(first: Whole, last: Whole, picture: Trusted, factor: Whole, out: Trusted) -> None:
-    """Rows of the blocks of `shrink`."""
+def shrink_rows(first: Whole, last: Whole, picture: Cells, factor: Whole, out: Cells) -> None:
+    """Rows of the cells of `shrink`."""
     color, inverse_depth, source = picture
     height, width = source.shape
     for r in range(first, last):
-        for c in range(out.source.shape[1]):
+        for c in range(out.label.shape[1]):
             y1, x1 = min(height, (r + 1) * factor), min(width, (c + 1) * factor)
-            red, green, blue, w, n, kind = 0.0, 0.0, 0.0, 0.0, 0, -2
+            red, green, blue, w, n, kind = 0.0, 0.0, 0.0, 0.0, 0, UNTRUSTED
             mixed = False
             for y in range(r * factor, y1):
                 for x in range(c * factor, x1):
-                    if source[y, x] == -2:
+                    if source[y, x] == UNTRUSTED:
                         continue
                     mixed = mixed or (n > 0 and source[y, x] != kind)
                     kind = source[y, x]
@@ -91,15 +95,15 @@ def shrink_rows(first: Whole, last: Whole, picture: Trusted, factor: Whole, out:
             if n > 0 and not mixed and 2 * n >= (y1 - r * factor) * (x1 - c * factor):
                 out.color[r, c, 0], out.color[r, c, 1], out.color[r, c, 2] = red / n, green / n, blue / n
                 out.inverse_depth[r, c] = w / n
-                out.source[r, c] = kind
+                out.label[r, c] = kind
 
 
-def shrink(color: UInt8Array, inverse_depth: Float32Array, source: NDArray[np.int8], factor: int) -> Trusted:
-    """Blocks of factor x factor pixels: mean colour and inverse depth of the trusted pixels, and their label.
+def shrink(color: UInt8Array, inverse_depth: Float32Array, label: Labels, factor: int) -> Cells:
+    """Cells of factor x factor pixels: mean colour and inverse depth of the trusted pixels, and their label.
 
-    source: H x W label of trusted pixels, -2 elsewhere. A block is -2 where labels mix or most pixels are not trusted.
+    label: H x W of trusted pixels, UNTRUSTED elsewhere. A cell is UNTRUSTED where labels mix or most of its pixels are.
     """
-    grid = tuple((size + factor - 1) // factor for size in source.shape)
-    out = Trusted(np.zeros((*grid, 3), np.float32), np.zeros(grid, np.float32), np.full(grid, -2, np.int8))
-    in_bands(shrink_rows, grid[0], Trusted(as_input(color), inverse_depth, source), factor, out)
+    grid = tuple((size + factor - 1) // factor for size in label.shape)
+    out = Cells(np.zeros((*grid, 3), np.float32), np.zeros(grid, np.float32), np.full(grid, UNTRUSTED, np.int8))
+    in_bands(shrink_rows, grid[0], Cells(as_input(color), inverse_depth, label), factor, out)
     return out
