@@ -34,12 +34,17 @@ def blurred(shift: int) -> tuple[RGBD, BoolArray]:
     return RGBD(soft, np.roll(depth, (shift, shift), (0, 1)).astype(np.float32), CAMERA), shown == 2
 
 
-@pytest.mark.parametrize(("dilate", "grown"), [(None, 3), (6, 6)])
-def test_a_mask_grows_by_three_pixels_or_as_asked(dilate: int | None, grown: int) -> None:
-    """meta.json says by how many; nothing of a soft outline of that width is kept (the picture without the object is grey)."""
+@pytest.mark.parametrize("recipe", ["dlama", dlama.Recipe("dlama")])
+@pytest.mark.parametrize(("dilate", "grown", "reason"), [(None, 3, "by the picture's longer side"), (6, 6, "as given")])
+def test_a_mask_grows_by_three_pixels_or_as_asked(
+    recipe: str | dlama.Recipe, dilate: int | None, grown: int, reason: str
+) -> None:
+    """meta.json says by how many, and why; nothing of a soft outline of that width is kept (the picture without the object is
+    grey)."""
     rgbd, mask = blurred(4)
-    done = remove(rgbd, mask, filler="telea", dilate=dilate)
-    assert done.meta["recipe"]["dilate"] == grown
+    done = remove(rgbd, mask, filler="telea", dilate=dilate, recipe=recipe)
+    growth = done.meta["decisions"]["mask_growth"]
+    assert done.meta["recipe"]["dilate"] == growth["px"] == grown and growth["reason"].startswith(reason)
     kept = np.abs(done.view.color.astype(int) - GREY[0])[~done.view.filled].max()
     assert (kept <= 1) == (grown == 6)
 
@@ -74,15 +79,3 @@ def test_a_path_is_filled_beside_the_edges_of_its_pictures() -> None:
     for _ in dlama.render_path(dlama.scene([rgbd]), [cameras[0], orbit(rgbd.camera, -12.0), cameras[2]], filler=filler):
         pass
     assert len(misplaced) >= 3 and all(misplaced)
-
-
-def test_a_recipe_and_its_name_grow_masks_alike() -> None:
-    """Law: by 3 px, in both ways of saying `dlama`; meta.json says so, and why."""
-    rgbd, mask = blurred(4)
-    for recipe in (dlama.Recipe("dlama"), "dlama"):
-        meta = remove(rgbd, mask, filler="telea", recipe=recipe).meta
-        assert meta["recipe"]["dilate"] == 3
-        assert meta["decisions"]["mask_growth"]["px"] == 3
-        assert meta["decisions"]["mask_growth"]["reason"].startswith("by the picture's longer side")
-    explicit = remove(rgbd, mask, filler="telea", dilate=2).meta["decisions"]["mask_growth"]
-    assert explicit == {"px": 2, "reason": "as given"}

@@ -7,7 +7,7 @@ import dataclasses
 import inspect
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Literal, get_args, get_type_hints
+from typing import Literal, get_args
 
 import numpy as np
 import pytest
@@ -40,14 +40,6 @@ def test_keywords_flags_columns_and_the_page_have_the_fields_of_options() -> Non
     for field in describe_form()["method"]:
         one = options_in(Options)[field["name"]]
         assert field["label"].startswith(one.label) and field["help"] == one.text
-
-
-def test_help_shows_what_the_docstrings_of_the_fields_say() -> None:
-    """Oracle: the source text of two fields."""
-    texts = {name: one.text for name, one in options_in(Options).items()}
-    assert texts["seed"].startswith("Fillers draw their random numbers from this")
-    assert texts["dilate_holes"] == "Grow the holes of the new view by this many pixels."
-    assert get_type_hints(Method, include_extras=True)["seed"].__metadata__[0].help == texts["seed"]
 
 
 def test_the_closed_words_are_those_of_the_library() -> None:
@@ -106,22 +98,6 @@ def test_auto_takes_no_model_whatever_the_picture() -> None:
     ):
         with pytest.raises(InputError, match=r"model is any.onnx and filler 'auto', which chooses by the depth"):
             run()
-
-
-def test_the_two_recipes_are_what_the_docs_say() -> None:
-    """Frozen: ours draws surfaces, fills the source first, clips nothing; the paper's draws points, clips at 10 m, writes
-    8-bit depth, adds the footprint; masks grow by 3 px, ours by what the depth
-    asks for, and crack-free holes by none."""
-    assert list(RECIPES) == ["dlama", "paper"] and all(name == one.name for name, one in RECIPES.items())
-    ours = Recipe(
-        "dlama", mode="surface", dilate=None, dilate_holes=0, clip=None, eight_bit_depth=False, depth_by="surfaces",
-        law=True, footprint=False, source_first=True,
-    )  # fmt: skip
-    papers = Recipe(
-        "paper", mode="points", dilate=3, dilate_holes=0, clip=10.0, eight_bit_depth=True, depth_by="filler",
-        law=True, footprint=True, source_first=False,
-    )  # fmt: skip
-    assert (find_recipe("dlama"), find_recipe("paper")) == (ours, papers)
 
 
 def test_changes_replace_and_none_does_not() -> None:

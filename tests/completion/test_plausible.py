@@ -48,6 +48,20 @@ def test_a_depth_scale_that_leaves_most_unknown(factor: float, yaw: float) -> No
         view(scaled(factor), yaw=yaw, pivot=2.5, filler="telea")
 
 
+@pytest.mark.parametrize(
+    ("factor", "clip", "message"),
+    [
+        (1000, None, r"median depth is \d+ m: metres are expected; divide millimetres by 1000"),
+        (0, None, "no pixel has a depth"),
+        (1, 0.01, r"the median depth is 0.01 m: metres are expected; check the clip"),
+    ],
+)
+def test_depth_that_is_hardly_in_metres(factor: float, clip: float | None, message: str) -> None:
+    """Millimetres, nothing, and a clip, a known depth or a baseline that is a thousand times too small."""
+    with pytest.warns(UserWarning, match=message):
+        view(scaled(factor), yaw=1, clip=clip, filler="telea")
+
+
 @pytest.mark.parametrize("yaw", [45, 80])
 def test_a_wide_turn_with_right_depth_gets_no_warning(yaw: float) -> None:
     """Most of the view is unknown, as the camera has turned away."""
@@ -66,16 +80,6 @@ def test_what_a_turn_alone_leaves_unknown(degrees: float) -> None:
     assert share_out_of_view(row, moved(row, (0, -degrees, 0))) == pytest.approx(beyond.mean(), abs=0.02)
 
 
-def test_millimetres_as_metres() -> None:
-    with pytest.warns(UserWarning, match=r"median depth is \d+ m: metres are expected; divide millimetres by 1000"):
-        view(scaled(1000), yaw=5, filler="telea")
-
-
-def test_depth_that_is_missing_everywhere() -> None:
-    with pytest.warns(UserWarning, match="no pixel has a depth"):
-        view(scaled(0), yaw=5, filler="telea")
-
-
 def test_no_mask_removes_nothing_and_is_refused() -> None:
     """Law: a mask that a search did not find is no removal in silence."""
     with pytest.raises(InputTypeError, match="mask is None; a bool array H x W is expected"):
@@ -86,9 +90,3 @@ def test_a_field_of_view_in_radians() -> None:
     """1.0472 radians are 60 degrees."""
     with pytest.warns(UserWarning, match=r"`fov` is 1\.0472 degrees.*radians, give `fov=60`"):
         camera_for((48, 64), fov=1.0472)
-
-
-def test_a_scene_of_millimetres_is_warned_of() -> None:
-    """A clip, a known depth or a baseline that is a thousand times too small (oracle: the warning's number)."""
-    with pytest.warns(UserWarning, match=r"the median depth is 0.01 m: metres are expected; check the clip"):
-        view(GOOD, yaw=1, clip=0.01, filler="telea")

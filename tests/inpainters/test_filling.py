@@ -202,18 +202,6 @@ def test_the_sky_that_was_measured_is_known() -> None:
         assert FillContext.of(scene).sky is None
 
 
-def test_the_context_of_a_part_keeps_sky_and_edges() -> None:
-    """Closed form: the law is cropped as the view is, all else stays."""
-    depth = np.arange(1, 7, dtype=np.float32).reshape(2, 3)
-    depth[0, 0] = np.inf
-    view = View.from_rgbd(RGBD(np.zeros((2, 3, 3), np.uint8), depth, Camera.from_fov(3, 2, 60)))
-    found = FillContext.of(Scene((view,)))
-    whole = FillContext(replace(found.law, misplaced_edges=True), found.sky)
-    part = whole.cropped(view, slice(1, 2), slice(0, 2))
-    np.testing.assert_array_equal(part.law.measured[0][1], depth[1:2, :2])
-    assert part.sky is whole.sky and part.law.misplaced_edges
-
-
 def test_the_noise_of_depth_that_is_drawn_without_it_is_known() -> None:
     """Closed form: exact depth has none; of noisy depth, confidence knows as much of a view drawn from aside as of the frame."""
     camera = Camera.from_fov(160, 120, 60)

@@ -47,6 +47,11 @@ def matches(world: World) -> tuple[np.ndarray, np.ndarray]:
     return found[0], found[1]
 
 
+def perfect(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The matcher that knows them."""
+    return matches(SCENE)
+
+
 def pictures(brighter: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Left, and right as many times as bright."""
     left, right = (SCENE.rgbd(camera).color for camera in CAMERAS)
@@ -57,9 +62,8 @@ def pictures(brighter: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
 def completed(removing: bool, brighter: float = 1.0, view: str | None = None) -> StereoCompletion:
     """One pair, shared by the tests that only look."""
     masks = [SCENE.trace(camera)[1] == 1 for camera in CAMERAS] if removing else [None, None]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pairs, "disparity_pair", lambda *_, **__: matches(SCENE))
-        return stereo(*pictures(brighter), RIG, mask=masks[0], mask_right=masks[1], right_view=view)  # type: ignore[arg-type]
+    how = {"mask": masks[0], "mask_right": masks[1], "right_view": view, "matcher": perfect}
+    return stereo(*pictures(brighter), RIG, **how)  # type: ignore[arg-type]
 
 
 def test_without_a_mask_both_pictures_stay_and_get_depth() -> None:
@@ -94,13 +98,12 @@ def test_the_right_view_can_be_made_from_the_left() -> None:
     alone = ~SCENE.seen_by(RIG.left, RIG.right)
     assert (done.views[1].origin[alone] == Origin.FILLED).mean() > 0.8
     assert not (done.views[1].origin == Origin.MEASURED).any() and done.meta["stereo"]["right"] == "synthesised"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pairs, "disparity_pair", lambda *_, **__: matches(SCENE))
-        assert stereo(*pictures(), RIG, recipe="paper", filler="telea").meta["stereo"]["right"] == "synthesised"
-        given = stereo(*pictures(), RIG, recipe="paper", filler="telea", right_view="given")
-        np.testing.assert_array_equal(given.views[1].color, pictures()[1])
-        with pytest.raises(InputError, match=r"right_view is 'mine'; one of given, synthesised"):
-            stereo(*pictures(), RIG, right_view="mine")  # type: ignore[arg-type]
+    papers = {"recipe": "paper", "filler": "telea", "matcher": perfect}
+    assert stereo(*pictures(), RIG, **papers).meta["stereo"]["right"] == "synthesised"
+    given = stereo(*pictures(), RIG, **papers, right_view="given")
+    np.testing.assert_array_equal(given.views[1].color, pictures()[1])
+    with pytest.raises(InputError, match=r"right_view is 'mine'; one of given, synthesised"):
+        stereo(*pictures(), RIG, right_view="mine")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="right_view is 'synthesised' and a mask is given"):
         completed(True, view="synthesised")
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from dlama.completion.completion import StereoCompletion
-from dlama.completion.stereo import disparities as pairs
 from dlama.completion.stereo.pair import (
     OBJECT_REACH,
     MatchedPair,
@@ -85,40 +84,41 @@ def test_bleeding_is_measured_from_infinity(doffs: float) -> None:
         np.testing.assert_allclose(depth[THING], 1, rtol=1e-5)
 
 
-def completed(monkeypatch: pytest.MonkeyPatch, **options: Any) -> StereoCompletion:
+def completed(**options: Any) -> StereoCompletion:
     """A flat wall 5 m away (4 px), matched perfectly."""
     wall = np.full(CAMERA.hw, 4, np.float32)
     wall[:4] = 8
-    monkeypatch.setattr(pairs, "disparity_pair", lambda *_, **__: (wall, wall))
     texture = np.random.default_rng(0).integers(0, 256, (40, 80, 3), np.uint8)
-    return stereo(texture[:, :60], texture[:, 4:64], rig(), filler="telea", dilate=1, **options)
+    return stereo(
+        texture[:, :60], texture[:, 4:64], rig(), matcher=lambda *_: (wall, wall), filler="telea", dilate=1, **options
+    )
 
 
 @pytest.mark.parametrize("far", [None, 4.0])
-def test_far_is_where_it_is_put(far: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_far_is_where_it_is_put(far: float | None) -> None:
     """Closed form: the wall at 5 m, below 4 rows at 2.5 m, is a wall by default, and sky where far begins at 4 m."""
-    done = completed(monkeypatch, far=far)
+    done = completed(far=far)
     assert done.source.far[4:].all() == (far is not None) and not done.source.far[:4].any()
     assert np.isinf(done.views[0].depth[8:]).all() == (far is not None)
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_the_object_leaves_the_right_view_where_its_mask_is(given: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_object_leaves_the_right_view_where_its_mask_is(given: bool) -> None:
     """Closed form: the right view's hole is the mask of the right picture, or the left one 4 px further left, dilated by 1 px."""
     own = square((10, 20), (5, 15)) if given else None
-    done = completed(monkeypatch, mask=THING, mask_right=own)
+    done = completed(mask=THING, mask_right=own)
     wanted = own if own is not None else square((15, 25), (26, 36))
     for before, mask in zip(done.warped, (THING, wanted)):
         np.testing.assert_array_equal(before.hole_type == HoleType.OBJECT, dilate_mask(mask, 1))
 
 
-def test_an_inverted_mask_of_a_pair_is_warned_of(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_inverted_mask_of_a_pair_is_warned_of() -> None:
     """The mask of all but the thing (oracle: the message that `remove` gives)."""
     with pytest.warns(UserWarning, match=r"the mask removes 96 % of the picture.*`mask_polarity` turns it round"):
-        completed(monkeypatch, mask=~THING)
+        completed(mask=~THING)
 
 
-def test_a_mask_may_be_found_in_the_matched_depth(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mask_may_be_found_in_the_matched_depth() -> None:
     """A function as mask sees the left picture with its depth; the result is that of the mask it gives."""
     seen = []
 
@@ -175,9 +175,7 @@ def test_the_nearest_of_an_object_is_its_largest_disparity_around() -> None:
 
 
 @pytest.mark.parametrize("filler", ["layered", "telea"])
-def test_bad_matches_on_and_beside_the_object_do_not_reach_the_wall(
-    filler: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_matches_on_and_beside_the_object_do_not_reach_the_wall(filler: str) -> None:
     """Closed form: a wall at 4 m behind a box. A patch of the box is matched at 8 m, and the box bleeds 6 px over its edge; the
     restored wall lies at 4 m all the same, in both views."""
     with_box = World((Plane((0, 0, 4), (0, 0, -1)), Box((-0.3, -0.4, 2), (0.3, 0.5, 2.2))))
@@ -195,9 +193,8 @@ def test_bad_matches_on_and_beside_the_object_do_not_reach_the_wall(
         rows, columns = np.nonzero(mask)
         disparity[rows.min() + 4 : rows.min() + 9, columns.min() + 4 : columns.min() + 9] /= 4
         found.append(disparity)
-    monkeypatch.setattr(pairs, "disparity_pair", lambda *_, **__: tuple(found))
     left, right = (with_box.rgbd(camera).color for camera in cameras)
-    done = stereo(left, right, wide, mask=masks[0], mask_right=masks[1], filler=filler)
+    done = stereo(left, right, wide, mask=masks[0], mask_right=masks[1], matcher=lambda *_: found, filler=filler)
     for view, mask in zip(done.views, masks):
         assert mask.sum() > 300
         np.testing.assert_allclose(view.depth[mask], 4, rtol=0.02)

@@ -12,7 +12,6 @@ from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask
-from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -21,7 +20,6 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.layered import depth_first
-from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import (
     BAND,
@@ -264,13 +262,3 @@ def test_other_fillers_go_their_own_way() -> None:
     view = step()
     own = Fill(view.color, np.ones_like(view.depth), 7, {"who": "own"})
     assert paint_over_depth(lambda view, context, seed: own)(view, NOTHING, 0) is own
-
-
-def test_unsure_colours_out_of_view_are_hedged() -> None:
-    """Twin: the painter's colours through `blend_with_low_frequency`, which changes some; dis-occluded ones stay as painted."""
-    view = step(HoleType.OUT_OF_VIEW)
-    fill = paint_over_depth(recording([]))(view, NOTHING, 0)
-    w = inverse_depth(np.where(view.hole, fill.depth, view.depth))
-    wanted = blend_with_low_frequency(view, np.full_like(view.color, 99), view.hole, w)
-    np.testing.assert_array_equal(fill.color[view.hole], wanted[view.hole])
-    assert (wanted[view.hole] != 99).any()

@@ -17,7 +17,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
-from dlama.inpainters.networks.engine import Engine, open_engine
+from dlama.inpainters.networks.engine import Engine
 from dlama.inpainters.networks.migan import fill_picture
 from dlama.models.network_file import PROVIDERS
 from dlama.perception.resampling import smooth_quantised
@@ -114,16 +114,6 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=told):
             inpaint(holed(), find_filler(name, path), NOTHING)
-
-
-def test_one_engine_stays_open(tmp_path: Path) -> None:
-    """Law: the same file is opened once; a changed file anew."""
-    model = constant(tmp_path / "c.onnx", 3, 0.2, 0.2, 0.2)
-    first = open_engine(model)
-    assert open_engine(str(model)) is first and open_engine(model, budget=first.budget + 1) is not first
-    again = open_engine(model)
-    constant(model, 3, 0.1, 0.1, 0.1, network="longer than before")
-    assert open_engine(model) is not again
 
 
 def test_steps_become_slopes_within_half_a_step() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -171,14 +170,6 @@ def test_a_large_crop_is_shrunk_without_its_hole() -> None:
 
     filled = crops.call_resized(planes, hole, network, Layout(64, 64, side=64), 64)
     assert (abs(filled[0, 0, 40:50, 40:80] - 0.25) < 1e-5).all()
-
-
-@pytest.mark.parametrize(("side", "least"), [(10, 10 + 2 * 48), (200, 200 + 2 * 80)])
-def test_a_crop_has_context_on_every_side(side: int, least: int) -> None:
-    """Closed form: 48 px, or 40 % of the hole's side where that is more, and no more than sizes in steps of 8 px need."""
-    hole = np.zeros((640, 640), bool)
-    hole[300 : 300 + side, 310 : 310 + side] = True
-    assert [all(least <= n < least + 8 for n in size[2:]) for size in calls_for(hole).sizes] == [True]
 
 
 def test_what_pads_a_hole_is_a_hole() -> None:

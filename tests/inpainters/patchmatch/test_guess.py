@@ -12,7 +12,7 @@ TELEA = 3
 
 def test_a_painter_sees_a_large_picture_small_and_without_the_hole() -> None:
     """Closed form: a picture of one colour with another in its hole reaches the painter without that other, GUESS_SIDE px wide;
-    known pixels come back as they were, the hole as it was painted."""
+    known pixels come back as they were, the hole as it was painted. A small picture is painted as it is."""
     picture = np.full((500, 2 * GUESS_SIDE, 3), 90, np.uint8)
     hole = np.zeros(picture.shape[:2], bool)
     hole[200:301, 400:601] = True
@@ -26,12 +26,8 @@ def test_a_painter_sees_a_large_picture_small_and_without_the_hole() -> None:
     out = guess_coarsely(paint, picture, hole, 3)
     np.testing.assert_array_equal(out[~hole], picture[~hole])
     assert (out[210:290, 410:590] == 40).all()
-
-
-def test_a_small_picture_is_painted_as_it_is() -> None:
-    """Closed form."""
-    picture, hole = np.zeros((20, 30, 3), np.uint8), np.zeros((20, 30), bool)
-    assert guess_coarsely(lambda given, of, seed: given + np.uint8(seed), picture, hole, 7).max() == 7
+    small, none = np.zeros((20, 30, 3), np.uint8), np.zeros((20, 30), bool)
+    assert guess_coarsely(lambda given, of, seed: given + np.uint8(seed), small, none, 7).max() == 7
 
 
 def square_hole(side: int, first: int, last: int) -> np.ndarray:
@@ -45,22 +41,22 @@ def in_hole(level: int, hole: np.ndarray, known: int) -> UInt8Array:
     return np.repeat(np.where(hole, np.uint8(level), np.uint8(known))[..., None], 3, 2)
 
 
-def test_the_mean_is_taken_where_they_differ_by_far() -> None:
-    """Closed form: 100 and 160 levels give 130 in the hole; known pixels stay."""
+@pytest.mark.parametrize(
+    ("guess", "share", "mean"),
+    [
+        (160, None, 130),
+        (100 + round(DIFFERS / 2), None, 100 + round(DIFFERS / 8)),
+        (104, 0.25, 101),
+        (180, 0.25, 120),
+    ],
+)
+def test_the_mean_is_taken_where_they_differ_by_far(guess: int, share: float | None, mean: int) -> None:
+    """Closed form: painted are 100 levels; half of a large difference, a quarter of one of DIFFERS / 2; a given share counts
+    everywhere. Known pixels stay."""
     hole = square_hole(96, 20, 70)
-    painted = np.full((96, 96, 3), 100, np.uint8)
-    guess = np.where(hole[..., None], np.uint8(160), painted)
-    out = blend_with_guess(painted, guess, hole)
-    assert (out[~hole] == 100).all()
-    assert (out[35:55, 35:55] == 130).all()
-
-
-def test_a_small_difference_counts_in_proportion() -> None:
-    """Closed form: a difference of DIFFERS / 2 moves the colour by a quarter of itself."""
-    hole = square_hole(96, 0, 96)
-    painted = np.full((96, 96, 3), 100, np.uint8)
-    out = blend_with_guess(painted, painted + np.uint8(DIFFERS / 2), hole)
-    assert (out == 100 + round(DIFFERS / 8)).all()
+    out = blend_with_guess(in_hole(100, hole, 50), in_hole(guess, hole, 50), hole, guess_share=share)
+    assert (out[~hole] == 50).all()
+    assert (out[35:55, 35:55] == mean).all()
 
 
 def test_detail_finer_than_the_guess_stays() -> None:
@@ -94,14 +90,6 @@ def test_hidden_pixels_are_no_evidence() -> None:
     hidden[:20] = True
     out = blend_with_guess(patches, network, hole, hidden)
     np.testing.assert_allclose(out[35:55, 35:55], 220 - 120 * DISTANCE / (2 * DISTANCE + 120), atol=TELEA)
-
-
-def test_a_share_is_the_same_everywhere() -> None:
-    """Closed form: at a quarter, 100 and 104 levels give 101, 100 and 180 give 120, whether they differ by little or by far."""
-    hole = square_hole(96, 20, 70)
-    for guess, mean in ((104, 101), (180, 120)):
-        out = blend_with_guess(in_hole(100, hole, 50), in_hole(guess, hole, 50), hole, guess_share=0.25)
-        assert (out[hole] == mean).all() and (out[~hole] == 50).all()
 
 
 @pytest.mark.parametrize(("spread", "counts"), [(0.0, 0.0), (AGREE, 0.5), (1e6, 1.0)])

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
+from dlama.arguments import check, check_count
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.contracts import CONTRACT_KEY, contract_errors
@@ -26,7 +27,6 @@ PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
 """Of a stereo pair: the left picture's planes, then the right one's."""
 PLANES = {1: ("depth",), 3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}
 """Number of planes a network gives -> their names."""
-MOST_PLANES = 64
 LARGEST_SIDE = 4096
 """Pixels, of every side that a contract names: the memory that a network takes grows with its square."""
 LARGEST_VALUE = 1e6
@@ -69,6 +69,8 @@ class Contract:
     """The largest height and width it takes, in pixels; None: any that `multiple` and `minimum` allow."""
 
     def __post_init__(self) -> None:
+        for name, kind in get_type_hints(Contract).items():
+            check(getattr(self, name), kind, f"contract: {name}")
         self._check_planes()
         if self.mask not in ("1 = fill", "0 = fill"):
             raise InputError(f"contract: mask is {self.mask!r}; '1 = fill' or '0 = fill' is expected")
@@ -77,9 +79,7 @@ class Contract:
         for name in ("in_range", "out_range"):
             self._check_range(name)
         for name in ("multiple", "minimum", "side"):
-            pixels = getattr(self, name)
-            if pixels is not None and not 1 <= pixels <= LARGEST_SIDE:
-                raise InputError(f"contract: {name} is {pixels} px; 1 to {LARGEST_SIDE} is expected")
+            check_count(getattr(self, name), f"contract: {name}", 1, LARGEST_SIDE)
 
     def _check_planes(self) -> None:
         known, masks = self.in_planes[: len(self.out_planes)], self.in_planes[len(self.out_planes) :]
@@ -173,33 +173,11 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
         missing = [name for name in FIELDS if name not in words]
         if missing:
             raise FileError(f"{file}: its contract lacks {', '.join(missing)}")
-        out_range = None if words["out_range"] is None else tuple(map(float, words["out_range"]))
-        return Contract(
-            _names(words, "in_planes"),
-            _names(words, "out_planes"),
-            tuple(map(float, words["in_range"])),  # type: ignore[arg-type]
-            out_range,  # type: ignore[arg-type]
-            words["mask"],
-            words["hole"],
-            _pixels(words, "multiple"),
-            _pixels(words, "minimum"),
-            str(words.get("network", "unknown")),
-            None if words.get("side") is None else _pixels(words, "side"),
-        )
-
-
-def _names(words: Mapping[str, Any], field: str) -> tuple[str, ...]:
-    names = words[field]
-    if not isinstance(names, list) or len(names) > MOST_PLANES or not all(isinstance(name, str) for name in names):
-        raise InputError(f"contract: {field} is {str(names)[:60]}; a list of at most {MOST_PLANES} names is expected")
-    return tuple(names)
-
-
-def _pixels(words: Mapping[str, Any], field: str) -> int:
-    value = words[field]
-    if type(value) is not int or abs(value) >= 2**63:
-        raise InputError(f"contract: {field} is {str(value)[:60]}; a whole number of pixels is expected")
-    return value
+        known = [one.name for one in fields(Contract)]
+        values: dict[str, Any] = {
+            name: tuple(one) if isinstance(one, list) else one for name, one in words.items() if name in known
+        }
+        return Contract(**values)
 
 
 def require_planes(contract: Contract, planes: int, file: str, filler: str) -> None:

@@ -23,7 +23,6 @@ from dlama.inpainters.layered.depth.surface_labels import (
     mean_chords,
 )
 from dlama.inpainters.layered.depth.surfaces import sample_grid
-from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.planes import SKY, KnownSurfaces
 from worlds import Box, Plane, World, moved
 
@@ -86,19 +85,6 @@ def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:
     return grid(np.where(hole, 0, 0.25), hole, np.where(hole, -1, 1), planes)
 
 
-def test_surfaces_out_of_order_cost_a_jump_of_three(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Closed form: of the costs before belief propagation, those of a surface behind one that it is nowhere seen behind."""
-    coarse, _ = floor_and_wall(HoleType.OBJECT)
-    monkeypatch.setattr(surface_kernels, "beliefs", lambda unary, *_: unary.copy())
-    costs, order = coarse.label_costs(FillContext(Law(()))), coarse.out_of_order()
-    monkeypatch.setattr(CoarseView, "out_of_order", lambda _: np.zeros_like(order))
-    without = coarse.label_costs(FillContext(Law(())))
-    possible = np.isfinite(without[..., 1:]) & (without[..., 1:] < 1e3)
-    more = (costs - without)[..., 1:]
-    np.testing.assert_allclose(more[possible], 3 * np.moveaxis(order, 0, 2)[possible], atol=1e-4)
-    assert (order & np.moveaxis(possible, 2, 0)).sum() > 100
-
-
 def test_sky_that_only_the_source_saw_goes_on_here() -> None:
     """Closed form: a view without sky may continue it where the source camera saw some, at the cost of the angle to it; the
     source looks 90 degrees to the right with 60 degrees in view, so from the middle of this view it is 60 degrees to its sky."""
@@ -140,15 +126,3 @@ def test_what_stands_out_of_a_wall_a_little_belongs_to_it() -> None:
     w[20:30, 10:20], w[20:30, 50:60] = 1 / 3.84, 1 / 3.6
     got = grid(w, hole, label, (0.25,)).with_relief()
     assert (got[20:30, 10:20] == 1).all() and (got[20:30, 50:60] == -1).all() and (got[hole] == -1).all()
-
-
-def test_planes_are_followed_from_a_share_of_the_known_cells() -> None:
-    """Closed form: the share of each plane's cells against the least; none under noise (infinite)."""
-    coarse, _ = floor_and_wall(HoleType.OUT_OF_VIEW)
-    known = ~coarse.hole
-    shares = np.array([(coarse.label[known] == k).mean() for k in (1, 2)])
-    for least in (0.0, float(shares.mean()), np.inf):
-        np.testing.assert_array_equal(
-            dataclasses.replace(coarse, followed_from=least).followed_planes()[:2], shares >= least
-        )
-    assert shares.min() < shares.mean()
