@@ -6,7 +6,6 @@ import io
 import os
 import pickle
 import struct
-import tracemalloc
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -190,51 +189,28 @@ def test_a_module_that_was_pickled_whole_is_read(tmp_path):
         np.testing.assert_array_equal(read[name][0], tensor.numpy())
 
 
-EXPLODING = {
-    "hashing a tree of tuples takes 2**60 steps": b"\x80\x02})" + b"q\x00h\x00\x86" * 60 + b"Ns.",
-    "a set of them": b"\x80\x04\x8f()" + b"\x94h\x00\x86" * 60 + b"\x90.",
-    "hashing tuples in tuples overflows the stack": b"\x80\x02})" + b"\x85" * 1_000_000 + b"Ns.",
-    "keys that share one hash": b"\x80\x02}("
-    + b"".join(b"\x8a\x0b" + (k * (2**61 - 1)).to_bytes(11, "little") + b"N" for k in range(1, 50_000))
-    + b"u.",
-    "a memo of 16 GB": b"\x80\x02Nr\xff\xff\xff\x7f.",
-    "tables that are copied again and again": b"\x80\x02]q\x00("
-    + b"".join(b"X\x06\x00\x00\x00%06dN\x86" % k for k in range(50_000))
-    + b"e0ccollections\nOrderedDict\nq\x01("
-    + b"h\x01h\x00\x85R" * 20_000
-    + b"l.",
-    "sizes that are copied again and again": b"\x80\x02(" + b"N" * 900_000 + b"tq\x00ctorch\nSize\nq\x01("
-    + b"h\x01h\x00\x85R" * 20_000
-    + b"l.",
-    "globals without end": b"\x80\x02(" + b"".join(b"cm\n%d\n" % k for k in range(200_000)) + b"l.",
-    "a pickle of 20 MB": b"\x80\x02]" + b"}" * 20_000_000 + b".",
-    "a tensor whose state is replaced": b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n((X\x07\x00\x00\x00storage"
-    b"ctorch\nFloatStorage\nX\x01\x00\x00\x000X\x03\x00\x00\x00cpuK\x01tQK\x00K\x01\x85K\x01\x85\x89NtR}X\x05\x00\x00\x00shapeNsb.",
-}  # fmt: skip
+@pytest.mark.parametrize(
+    "pickled",
+    [
+        b"\x80\x02]" + b"}" * 5_000_000 + b".",
+        b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n((Vstorage\nctorch\nFloatStorage\nV0\nVcpu\nK\x01tQ"
+        b"K\x00K\x01\x85K\x01\x85tR}Vshape\nNsb.",
+    ],
+    ids=["5 MB", "a tensor whose state is replaced"],
+)
+def test_pickles_that_no_checkpoint_has_are_refused(tmp_path: Path, pickled: bytes) -> None:
+    """Oracle: law; a shape that was checked is not replaced afterwards."""
+    with pytest.raises(
+        FileError, match=r"its pickle cannot be read \(UnpicklingError: (5000004 bytes|a tensor with a state)"
+    ):
+        TorchFile(_archive(tmp_path / "bomb.pt", pickled))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("what", EXPLODING)
-def test_pickles_that_cost_more_than_they_weigh_are_refused(tmp_path: Path, what: str) -> None:
-    """Oracle: Python's own memory stays small, and the test ends at all: each took minutes, gigabytes or the process."""
-    path = _archive(tmp_path / "bomb.pt", EXPLODING[what])
-    tracemalloc.start()
-    try:
-        with pytest.raises(FileError, match=r"bomb\.pt"):
-            TorchFile(path)
-        assert tracemalloc.get_traced_memory()[1] < 400e6
-    finally:
-        tracemalloc.stop()
-
-
-def test_tensors_that_share_a_storage_are_bounded_by_the_file(tmp_path: Path) -> None:
-    """Tied weights are read; a thousand tensors of one storage are refused before memory is taken."""
+def test_tied_weights_are_read(tmp_path: Path) -> None:
+    """Oracle: round trip of two tensors that share a storage."""
     torch = pytest.importorskip("torch", reason="writing a torch file needs torch: pip install 'dlama[train]'")
     weights = torch.rand(100, 100)
     torch.save({"a": weights, "b": weights.T}, tmp_path / "tied.pt")
     found = TorchFile(tmp_path / "tied.pt").read(["a", "b"])
-    np.testing.assert_array_equal(found["a"][0], found["b"][0].T)
-    torch.save({f"w{k}": weights for k in range(1000)}, tmp_path / "many.pt")
-    many = TorchFile(tmp_path / "many.pt")
-    with pytest.raises(FileError, match="does not fit"):
-        many.read(list(many.tensors))
+    np.testing.assert_array_equal(found["a"][0], weights.numpy())
+    np.testing.assert_array_equal(found["b"][0], weights.numpy().T)
