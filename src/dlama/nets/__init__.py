@@ -3,7 +3,6 @@
 architecture   settings <-> names and shapes, no torch
 ffc, generator   the torch modules (extra `train`)
 safetensors_file, torch_file   weights on disk -> named arrays, no foreign code run
-checkpoints    any file of weights ->  checked weights of one network
-surgery        more input and output planes for trained weights
+checkpoints    any file of weights -> checked weights of one network; more planes for trained weights
 export/        checked weights and metadata -> an ONNX file
 """

@@ -141,11 +141,11 @@ def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> Generato
     head = _shape(shapes, f"model.{first + blocks + 3 * downsamplings + 2}.weight")
     ratio = to_global / max(to_local + to_global, 1)  # of none at all no share is one that a generator has
     settings = GeneratorSettings(stem[1], head[0], stem[0], downsamplings, blocks, ratio, activation)
-    refuse_differences(shapes, settings)
+    _refuse_differences(shapes, settings)
     return settings
 
 
-def refuse_differences(came: Shapes, settings: GeneratorSettings) -> None:
+def _refuse_differences(came: Shapes, settings: GeneratorSettings) -> None:
     """Raise ShapeError unless these are exactly that generator's names and shapes, naming the first of each kind that differ."""
     expected = generator_shapes(settings)
     missing = [name for name in expected if name not in came]

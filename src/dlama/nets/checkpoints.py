@@ -7,20 +7,14 @@ up exactly one network, or the file is refused with the first names that differ.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from dlama.errors import FileError, ShapeError, system_errors
-from dlama.nets.architecture import (
-    STEM,
-    GeneratorSettings,
-    Shapes,
-    generator_shapes,
-    settings_from_state,
-)
+from dlama.nets.architecture import STEM, GeneratorSettings, Shapes, generator_shapes, settings_from_state
 from dlama.nets.safetensors_file import read_safetensors
 from dlama.nets.torch_file import TorchFile
 
@@ -29,14 +23,12 @@ COUNTER = ".num_batches_tracked"
 
 @dataclass(frozen=True)
 class GeneratorWeights:
-    """The tensors of one generator, complete and finite, and where they come from."""
+    """The tensors of one generator, complete and finite, and the kind of their file."""
 
     settings: GeneratorSettings
     """Read from the tensors' shapes; the activation is that of the file's metadata, else sigmoid, as published."""
     state: dict[str, np.ndarray]
     """Published name -> float32 array (int64 scalars for the batch norms' counters)."""
-    source: Path
-    """The file."""
     kind: str
     """lightning, torchscript, torch or safetensors."""
     notes: tuple[str, ...]
@@ -62,7 +54,36 @@ def read_generator(path: Path | str) -> GeneratorWeights:
         raise FileError(f"{path}: {where}{error}") from error
     state, notes = _check_state(file, prefix, generator_shapes(settings))
     left = (*_describe_unread(file, prefix), *notes)
-    return GeneratorWeights(settings, state, file.path, file.kind, left)
+    return GeneratorWeights(settings, state, file.kind, left)
+
+
+def widen(state: Mapping[str, np.ndarray], in_channels: int, out_channels: int) -> dict[str, np.ndarray]:
+    """The generator with that many planes, which at step 0 fills colour exactly as before: from the published 4 -> 3 network to
+    5 -> 4 (colour, depth, mask) and 7 -> 6 (two colours, mask).
+
+    Colour stays first and the mask stays the last input plane. New input planes get zero weights, new output planes get zero
+    weights and bias, so a sigmoid says 0.5 there. Gradients reach both from the first step on.
+
+    Args:
+        state: published name -> array, one whole generator.
+        in_channels: expected input planes, the mask counted; not fewer than there are.
+        out_channels: expected output planes; not fewer than there are.
+    Raises:
+        ShapeError: fewer planes expected than there are, or the state is no generator.
+    """
+    settings = settings_from_state({name: array.shape for name, array in state.items()})
+    more_in, more_out = in_channels - settings.in_channels, out_channels - settings.out_channels
+    if more_in < 0 or more_out < 0:
+        had = f"{settings.in_channels} -> {settings.out_channels}"
+        raise ShapeError(f"surgery: {had} planes cannot become {in_channels} -> {out_channels}: planes are only added")
+    stem, head = state[STEM], f"model.{settings.head_index}"
+    new_planes = np.zeros((stem.shape[0], more_in, *stem.shape[2:]), stem.dtype)
+    widened = {name: array.copy() for name, array in state.items()}
+    widened[STEM] = np.concatenate([stem[:, :-1], new_planes, stem[:, -1:]], axis=1)
+    for name in (f"{head}.weight", f"{head}.bias"):
+        old = state[name]
+        widened[name] = np.concatenate([old, np.zeros((more_out, *old.shape[1:]), old.dtype)])
+    return widened
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ onnxruntime = pytest.importorskip(
     "onnxruntime", reason="running an ONNX file needs onnxruntime: pip install 'dlama[onnx]'"
 )
 
-from dlama.errors import OutputError, ShapeError  # noqa: E402
+from dlama.errors import OutputError  # noqa: E402
 from dlama.nets.architecture import GeneratorSettings  # noqa: E402
 from dlama.nets.checkpoints import read_generator  # noqa: E402
 from dlama.nets.export.generator import export_onnx, onnx_bytes  # noqa: E402
@@ -92,13 +92,7 @@ def test_the_file_carries_its_metadata(tmp_path, vector_file):
     ]
 
 
-def test_what_cannot_be_exported_is_refused(tmp_path, vector_file, random_state):
+def test_a_folder_that_is_not_there_is_named(tmp_path, vector_file):
     """Oracle: the documentation."""
-    weights = read_generator(vector_file)
     with pytest.raises(OutputError, match="cannot be written"):
-        export_onnx(weights, tmp_path / "missing" / "small.onnx", {})
-    with pytest.raises(ShapeError, match="do not make up a generator"):
-        onnx_bytes(GeneratorSettings(), weights.state, {})
-    mask_only = GeneratorSettings(in_channels=1, width=8, blocks=1)
-    with pytest.raises(ShapeError, match="expected a picture and the mask"):
-        onnx_bytes(mask_only, random_state(mask_only), {})
+        export_onnx(read_generator(vector_file), tmp_path / "missing" / "small.onnx", {})

@@ -13,9 +13,8 @@ from torch import Tensor, nn
 
 from dlama.errors import DlamaError, InputError
 from dlama.models.cache import user_path
-from dlama.nets.checkpoints import read_generator
+from dlama.nets.checkpoints import read_generator, widen
 from dlama.nets.generator import Discriminator, Generator, generator_from_state
-from dlama.nets.surgery import widen
 from dlama.training.data.batches import Batch
 from dlama.training.losses.perceptual import LpipsLoss, PerceptualLoss, perceptual_loss
 from dlama.training.losses.pixels import widen_half

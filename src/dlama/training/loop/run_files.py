@@ -97,17 +97,11 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
 
 
 def holds_run(run: Path) -> bool:
-    """Whether a directory holds anything of a run that is worth keeping: a checkpoint, a network, or rows beyond a checkpoint.
+    """Whether a directory holds anything of a run that is worth keeping: a checkpoint or a network.
 
     A run that was killed before its first checkpoint has none of them: it begins anew, resumed or not.
     """
-    if (run / LAST).exists() or any(run.glob("*.onnx")):
-        return True
-    try:
-        every = read_settings(run / SETTINGS).loop.checkpoint_every
-        return max((row.get("step", 0) for row in read_metrics(run)), default=0) >= every
-    except FileError:
-        return False
+    return (run / LAST).exists() or any(run.glob("*.onnx"))
 
 
 @contextmanager
@@ -171,12 +165,14 @@ def refuse_changes(before: TrainSettings, now: TrainSettings) -> None:
 class MetricsTable:
     """metrics.csv, to which rows are appended.
 
-    columns: behind step, samples and seconds; step: the run begins after it, rows of later steps are removed.
+    columns: behind step, samples and seconds; step: the run begins after it, rows of later steps are removed, since these steps
+    are done again. FileError where a table is there that cannot be read.
     """
 
     def __init__(self, run: Path, columns: Sequence[str], step: int) -> None:
         self.path, self.columns = run / METRICS, ["step", "samples", "seconds", *columns]
-        kept = rows_before(self.path, step) if self.path.is_file() and step else []
+        rows = _table(self.path) if self.path.is_file() and step else []
+        kept = [row for row in rows if row["step"].isdigit() and int(row["step"]) <= step]
         with new_file(self.path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
             writer = csv.DictWriter(stream, self.columns, extrasaction="ignore")
             writer.writeheader()
@@ -187,18 +183,6 @@ class MetricsTable:
         row = {name: f"{value:.6g}" if isinstance(value, float) else value for name, value in values.items()}
         with writing(self.path), self.path.open("a", encoding="utf-8", newline="") as stream:
             csv.DictWriter(stream, self.columns).writerow(row)
-
-
-def rows_before(path: Path, step: int) -> list[dict[str, str]]:
-    """The rows of an interrupted run up to its checkpoint: the steps after it are done again. Of a damaged table none, which is
-    logged, and the table is kept under another name."""
-    try:
-        rows = _table(path)
-    except FileError as error:
-        path.replace(path.with_suffix(".damaged.csv"))
-        LOG.warning("%s; it is kept as %s, and a new one begins", error, path.with_suffix(".damaged.csv").name)
-        return []
-    return [row for row in rows if row["step"].isdigit() and int(row["step"]) <= step]
 
 
 def _table(path: Path) -> list[dict[str, str]]:

@@ -140,7 +140,7 @@ def _train(
 
 def _checkpoint(run: Path) -> dict[str, Any]:
     """What a run is resumed from; nothing where it begins anew."""
-    if (run / LAST).exists() or holds_run(run):
+    if holds_run(run):
         return read_checkpoint(run / LAST)
     LOG.info("the run was ended before its first checkpoint, so it begins anew")
     return {}

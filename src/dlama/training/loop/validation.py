@@ -96,13 +96,6 @@ def write_sheet(path: Path, output: Tensor, batch: Batch, network: NetworkSettin
 
     The output is composited: known pixels are those of the truth. OutputError.
     """
-    sheet = sheet_of(output, batch, network)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_color(path, sheet)
-
-
-def sheet_of(output: Tensor, batch: Batch, network: NetworkSettings) -> np.ndarray:
-    """The picture that `write_sheet` writes, uint8 H x W x 3 RGB."""
     planes = output.shape[1]
     filled = composite(output.float(), batch).cpu().numpy()
     truth, hole = batch["target"].cpu().numpy(), hole_planes(batch["mask"], planes).cpu().numpy() > 0
@@ -117,7 +110,8 @@ def sheet_of(output: Tensor, batch: Batch, network: NetworkSettings) -> np.ndarr
     for column, word in enumerate(len(firsts) * ("input", "output", "truth")):
         at = (column * (truth.shape[3] + GAP) + 2, TOP - 5)
         cv2.putText(sheet, word, at, cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)
-    return sheet
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_color(path, sheet)
 
 
 def _panels(truth: np.ndarray, filled: np.ndarray, hole: np.ndarray, first: int, planes: int) -> list[np.ndarray]:

@@ -74,24 +74,23 @@ class DilatedResnet50(nn.Module):
         return found
 
 
-class TappedChain(nn.Module):
-    """A chain `features` that gives the activations after some of its layers."""
+class Chain(nn.Module):
+    """Layers one after the other, each of which gives its activations."""
 
-    def __init__(self, layers: list[nn.Module], taps: tuple[int, ...]) -> None:
+    def __init__(self, layers: list[nn.Module]) -> None:
         super().__init__()
-        self.features, self.taps = nn.Sequential(*layers), taps
+        self.layers = nn.ModuleList(layers)
 
     def forward(self, x: Tensor) -> list[Tensor]:
-        """B x 3 x H x W, normalised -> the activations at the taps."""
+        """B x 3 x H x W, normalised -> the activations of every layer."""
         found = []
-        for i, layer in enumerate(self.features):
+        for layer in self.layers:
             x = layer(x)
-            if i in self.taps:
-                found.append(x)
+            found.append(x)
         return found
 
 
-def random_trunk(width: int) -> TappedChain:
+def random_trunk(width: int) -> Chain:
     """Seven 3x3 convolutions, two of them halving, then dilated 1, 2, 4, 8: the last sees about 130 pixels.
 
     Weights are orthogonal with ReLU's gain, drawn from a fixed seed by torch's CPU generator.
@@ -104,8 +103,8 @@ def random_trunk(width: int) -> TappedChain:
         convolution = nn.Conv2d(before, after, 3, stride, dilation, dilation)
         nn.init.orthogonal_(convolution.weight, 2**0.5, generator)
         nn.init.zeros_(convolution.bias)
-        layers += [convolution, nn.LeakyReLU(0.2)]
-    return TappedChain(layers, tuple(range(1, 2 * len(steps), 2)))
+        layers.append(nn.Sequential(convolution, nn.LeakyReLU(0.2)))
+    return Chain(layers)
 
 
 def read_trunk(path: Path) -> DilatedResnet50:

@@ -9,8 +9,8 @@ torch = pytest.importorskip("torch", reason="the networks need torch: pip instal
 
 from dlama.errors import ShapeError  # noqa: E402
 from dlama.nets.architecture import GeneratorSettings, settings_from_state  # noqa: E402
+from dlama.nets.checkpoints import widen  # noqa: E402
 from dlama.nets.generator import generator_from_state  # noqa: E402
-from dlama.nets.surgery import widen  # noqa: E402
 
 SMALL = GeneratorSettings(width=8, blocks=1)
 
