@@ -132,6 +132,11 @@ def test_bad_files(tmp_path: Path) -> None:
         (tmp_path / "b.json").write_bytes(data)
         with pytest.raises(FileError, match=r"b\.json"):
             read_camera(tmp_path / "b.json")
+    for text, words in (
+        ("[" * 100_000, "is no JSON"), ('[{"width": 3,}]', r"c\.json:1:1[34]: is no JSON"), ("3", "holds no list"),
+    ):  # fmt: skip
+        with pytest.raises(FileError, match=words):
+            read_cameras(saved(tmp_path / "c.json", text))
     with pytest.raises(FileError, match="no such file"):
         read_camera(tmp_path / "none.json")
     with pytest.raises(CameraError, match="camera is 640x480 and the picture 320x240"):
@@ -234,7 +239,7 @@ distortion_coefficients:
         (CALIB, "baseline=193.001", "baseline=-1", "baseline is -0.001 m"),
         (CALIB, "baseline=193.001\n", "", "'baseline' is missing"),
         (CALIB, "0 994.978 254.877; 0 0 1]\ncam1", "0.3 994.978 254.877; 0 0 1]\ncam1", "cam0 is .*no skew"),
-        (CALIB, "cam0=[994.978", "cam0=[0", "cam0 is singular"),
+        (CALIB, "cam0=[994.978", "cam0=[0", "singular"),
         (CALIB, "width=741", "width=740", "camera is 740x500 and the picture 741x500"),
         (CALIB, "width=741\n", "", "'width' is missing"),
         (CALIB, "doffs=31.086", "doffs", "no calib.txt of Middlebury or KITTI"),
@@ -389,27 +394,14 @@ def test_no_intrinsics_teach_fov(tmp_path: Path) -> None:
     [
         ({"camera": "c.json", "fov": 60}, "camera and fov contradict"),
         ({"camera": "c.json", "pixel_center": 0.0}, "camera and pixel_center contradict each other"),
-        ({"fov": 60, "fx": 500}, "fov and fx contradict"),
         ({"fy": 500}, "fy is given without fx"),
         ({"fov": 180}, "fov is 180 degrees; a field of view between 0 and 180"),
-        ({"fx": -500}, "camera options: camera fx is -500"),
         ({"fx": 500, "pixel_center": 1}, "pixel_center is 1"),
     ],
 )
 def test_contradicting_flags(options: dict[str, Any], words: str) -> None:
     with pytest.raises(CameraError, match=words):
         camera_for((480, 640), **options)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [("[" * 100_000, "is no JSON"), ('[{"width": 3,}]', r"cameras\.json:1:1[34]: is no JSON"), ("3", "holds no list")],
-)
-def test_a_list_of_cameras_that_is_none(tmp_path: Path, text: str, words: str) -> None:
-    """Law: FileError with line and column, lists in lists without end too."""
-    (tmp_path / "cameras.json").write_text(text)
-    with pytest.raises(FileError, match=words):
-        read_cameras(tmp_path / "cameras.json")
 
 
 def test_a_matrix_in_the_place_of_four_numbers(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from dlama.files.rasters.orientation import (
     decoder_orientation,
     reset_orientation,
 )
-from dlama.files.rasters.sixteen_bits import bits_of, bits_of_png, decode_16_bits, describe_tiff, is_preview
+from dlama.files.rasters.sixteen_bits import bits_of, decode_16_bits, describe_tiff, is_preview
 from dlama.writing.atomic_write import NO_HOME, PathLike, begins_at_home
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
@@ -167,11 +167,11 @@ def has_16_bits(path: PathLike) -> bool:
     """Whether a PNG or TIFF holds 16 bits a channel, by its header; False for all other files. Raises FileError."""
     file = existing_file(path)
     with file.open("rb") as stream:
-        head = stream.read(25)
-    if head[:4] not in TIFF_HEADS | BIG_TIFF_HEADS:
-        return head.startswith(b"\x89PNG") and len(head) == 25 and bits_of_png(head) == 16
+        head = stream.read(4)
+    if head not in {b"\x89PNG", *TIFF_HEADS, *BIG_TIFF_HEADS}:
+        return False
     with any_error(FileError, f"{file}: is damaged or truncated"), _open(file, b"") as picture:
-        return bits_of(picture, b"") == 16
+        return bits_of(picture, file) == 16
 
 
 def _header(file: Path) -> tuple[tuple[int, int], int]:
@@ -243,7 +243,7 @@ def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     elif mode in NO_RGB:
         converted = to_srgb(picture, picture.info.get("icc_profile"), file) if mode == "CMYK" else picture
         picture = converted.convert("RGB")
-    elif mode in ("RGB", "RGBA", "LA") and bits_of(picture, data) == 16:
+    elif mode in ("RGB", "RGBA", "LA") and bits_of(picture, file) == 16:
         return decode_16_bits(picture, file, data)  # Pillow keeps the high byte only
     values = np.array(picture)
     if mode == "I" and picture.format == "PNG":  # older Pillow's name for 16-bit grey

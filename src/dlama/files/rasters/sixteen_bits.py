@@ -13,17 +13,13 @@ from PIL import Image, TiffImagePlugin
 from dlama.errors import FileError
 
 
-def bits_of(picture: Image.Image, data: bytes) -> int:
-    """Bits per channel as stored; data: of a PNG, its first 25 bytes or more."""
+def bits_of(picture: Image.Image, file: Path) -> int:
+    """Bits per channel as stored."""
     if picture.format == "PNG":
-        return bits_of_png(data)
+        with file.open("rb") as stream:
+            return stream.read(25)[24]  # IHDR: signature 8, length 4, type 4, size 8, depth
     tags: Any = getattr(picture, "tag_v2", {})
     return int(max(np.atleast_1d(tags.get(258, 8))))  # BitsPerSample
-
-
-def bits_of_png(data: bytes) -> int:
-    """Bits per channel of a PNG that begins so, with 25 bytes or more."""
-    return data[24]  # IHDR: signature 8, length 4, type 4, size 8, depth
 
 
 def decode_16_bits(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
