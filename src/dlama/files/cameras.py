@@ -43,6 +43,8 @@ TEXTS = (".txt", ".csv")
 CAMERA_FIELDS = ("width", "height", *LENS, "K", "pixel_center", "world_from_cam", "comment", "intrinsics_from")
 """The last two say nothing of the camera; meta.json writes the last one."""
 PAIR_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
+LIKELY_BASELINE_M = 1e-3, 20.0
+"""Beyond, a baseline is likely in another unit."""
 DOFFS_TOLERANCE = 0.01
 """Pixels by which doffs may differ from the principal points (published calibrations are rounded)."""
 
@@ -130,21 +132,13 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
         fields = read_calib_txt(path)
         lenses = _left_and_right(fields, "cam0", "cam1")
         baseline = fields.number("baseline") / 1000
-        unit = f"baseline is {1000 * baseline:g} mm, as calib.txt counts; if it is in metres, write {1e6 * baseline:g}"
-        doubtful = 0 < baseline < 1e-3
     else:
-        is_yaml = suffix in SUFFIXES
-        fields = read_yaml_pair(path) if is_yaml else read_json_fields(path)
+        fields = read_yaml_pair(path) if suffix in SUFFIXES else read_json_fields(path)
         lenses = _left_and_right(fields, "left_K", "right_K")
         baseline = fields.number("baseline_m")
-        mend = "divide the projection matrix's fourth number by 1000" if is_yaml else f"write {baseline / 1000:g}"
-        unit = f"baseline_m is {baseline:g} m; if it is in millimetres, {mend}"
-        doubtful = baseline > 20
     rig = make_rig(path, fields.size(hw), lenses, fields.pixel_center(0.5), baseline)
     if suffix not in TEXTS:
         fields.warn_of_unknown(PAIR_FIELDS)
-    if doubtful:
-        warn(f"{path}: {unit}")
     return rig
 
 
@@ -154,6 +148,8 @@ def make_rig(
     """The pair of two cameras so many metres apart, the left one at the origin; as `make_camera`. CameraError."""
     if not 1e-6 <= baseline <= 1e6:
         raise CameraError(f"{source}: the baseline is {baseline:g} m; a distance of 1e-06 to 1e+06 m is expected")
+    if not LIKELY_BASELINE_M[0] <= baseline <= LIKELY_BASELINE_M[1]:
+        warn(f"{source}: the baseline is {baseline:g} m; calib.txt counts millimetres, JSON and YAML count metres")
     pose = np.eye(4)
     pose[0, 3] = baseline
     left, right = (make_camera(source, hw, lens, pixel_center, at) for lens, at in zip(lenses, (None, pose)))

@@ -40,9 +40,9 @@ def write_contact_sheet(
     cell = max(PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH, *(picture.width for picture, _ in fitted))
     width = columns * cell + (columns + 1) * GAP
     heading = wrap_text(title, width - 2 * GAP, font(TITLE_SIZE))
-    entries = legend_rows(legend, width - 2 * GAP)
+    entries = place_legend(legend, width - 2 * GAP)
     top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
-    bottom = len(entries) * line_height(LEGEND_SIZE) + (GAP if entries else 0)
+    bottom = entries[-1][3] + line_height(LEGEND_SIZE) + GAP if entries else 0
     sheet = Image.new("RGB", (width, top + sum(heights) + bottom), (24, 26, 29))
     draw = ImageDraw.Draw(sheet)
     draw_lines(draw, (GAP, GAP), heading, TITLE_SIZE, INK)
@@ -52,7 +52,9 @@ def write_contact_sheet(
             draw_lines(draw, (left, top), caption, CAPTION_SIZE, QUIET_INK)
             sheet.paste(picture, (left, top + text))
         top += height
-    draw_legend(draw, entries, top)
+    for name, color, x, y in entries:
+        draw.rectangle((x, top + y + 2, x + LEGEND_SIZE - 1, top + y + 1 + LEGEND_SIZE), fill=color, outline=QUIET_INK)
+        draw_lines(draw, (x + round(LEGEND_SIZE * 1.5), top + y), [name], LEGEND_SIZE, INK)
     save_picture(path, sheet)
 
 
@@ -99,32 +101,19 @@ def wrap_text(text: str, width: float, face: ImageFont.FreeTypeFont | ImageFont.
     return lines or [""]
 
 
-def legend_rows(legend: Sequence[tuple[str, RGB]], width: int) -> list[list[tuple[str, RGB, int]]]:
-    """Legend entries with their x, broken into rows that fit a width."""
-    face = font(LEGEND_SIZE)
-    rows: list[list[tuple[str, RGB, int]]] = []
-    x = width + 1
+def place_legend(legend: Sequence[tuple[str, RGB]], width: int) -> list[tuple[str, RGB, int, int]]:
+    """Legend entries with the x and y of their swatches, in rows that fit a width."""
+    places, x, y = list[tuple[str, RGB, int, int]](), 0, 0
     for name, color in legend:
-        needed = round(LEGEND_SIZE * 1.5 + face.getlength(name))
-        if x + needed > width:
-            rows.append([])
-            x = 0
-        rows[-1].append((name, color, GAP + x))
+        needed = round(LEGEND_SIZE * 1.5 + font(LEGEND_SIZE).getlength(name))
+        if x and x + needed > width:
+            x, y = 0, y + line_height(LEGEND_SIZE)
+        places.append((name, color, GAP + x, y))
         x += needed + round(1.5 * LEGEND_SIZE)
-    return rows
+    return places
 
 
 def draw_lines(draw: ImageDraw.ImageDraw, at: tuple[int, int], lines: Sequence[str], size: int, ink: RGB) -> None:
     """Lines of text, the first one's top left at `at`."""
     for number, line in enumerate(lines):
         draw.text((at[0], at[1] + number * line_height(size)), line, fill=ink, font=font(size))
-
-
-def draw_legend(draw: ImageDraw.ImageDraw, rows: Sequence[Sequence[tuple[str, RGB, int]]], top: int) -> None:
-    """A swatch and a name for each entry."""
-    side = LEGEND_SIZE
-    for row in rows:
-        for name, color, x in row:
-            draw.rectangle((x, top + 2, x + side - 1, top + 1 + side), fill=color, outline=QUIET_INK)
-            draw.text((x + round(side * 1.5), top), name, fill=INK, font=font(LEGEND_SIZE))
-        top += line_height(LEGEND_SIZE)
