@@ -26,7 +26,8 @@ def check_folder_apart(output: Path, inputs: Inputs) -> None:
     Results have names like image.png and depth.png, and are placed as one folder.
     """
     check_place(check_folder_name(output))
-    for role, path in _given_paths(inputs):
+    for role, given in given_files(inputs).items():
+        path = Path(given)
         if _same(output, path) and path.is_dir():
             raise OutputError(f"`output` is {output}, an input of this run ({role}); give another directory")
         if path.is_file() and any(_same(output, one.parent) for one in (path, path.resolve())):
@@ -38,7 +39,8 @@ def check_file_apart(output: Path, inputs: Inputs, *, makes_folder: bool = False
 
     makes_folder: the file's folder is made where it is not there.
     """
-    for role, path in _given_paths(inputs):
+    for role, given in given_files(inputs).items():
+        path = Path(given)
         if _same(output, path):
             raise OutputError(f"`output` is {output}, an input of this run ({role}); give another name")
     check_place(output.parent)
@@ -67,10 +69,6 @@ def check_place(output: Path) -> None:
         wrong = system_reason(error)
     if wrong:
         raise OutputError(f"{output}: cannot be written: {wrong}")
-
-
-def _given_paths(inputs: Inputs) -> list[tuple[str, Path]]:
-    return [(role, Path(path)) for role, path in inputs.items() if path is not None]
 
 
 def _same(one: Path, other: Path) -> bool:

@@ -15,10 +15,8 @@ import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dlama.arguments import check_word
 from dlama.errors import DlamaError, InputError
 from dlama.jobs.job import Job
-from dlama.jobs.parameters import VERBS
 from dlama.jobs.results.result import JobResult
 from dlama.jobs.storage import MARKER, Output, fetch, file_stamp
 from dlama.models.verify import sha256_of
@@ -87,7 +85,6 @@ def _perform(task: Task) -> JobResult:
     job = task.job
     if job.error:
         raise InputError(job.error)
-    check_word(job.verb, "verb", VERBS)
     from dlama.jobs.verbs import run_verb
 
     stamps = {

@@ -52,7 +52,7 @@ FIELDS: dict[str, str] = {
     **dict.fromkeys(options_in(Estimating), "known"),
     **dict.fromkeys(options_in(Move), "move"),
     **dict.fromkeys(("calib", "baseline"), "calib"),
-    **dict.fromkeys(("clicks", "not_clicks", "box", "mask", "dilate"), "marks"),
+    **dict.fromkeys(("clicks", "not_clicks", "box", "mask", "dilate", "mark", "radius", "grow"), "marks"),
 }
 """Parameter that a message names -> field of the page."""
 WORDS = {

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from typing import Any, Literal, get_args, get_origin
 
 from dlama.completion.options import RECIPE_NAMES, Option, Options, options_in
-from dlama.errors import InputError
 from dlama.inpainters import AUTO, FILLERS
 from dlama.jobs import options as groups
 from dlama.jobs.parameters import Parse, one_of, parsers, read_parameters
-from dlama.web.answers import PageError, field_of
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "filler": (AUTO, *(name for name, record in FILLERS.items() if not record.needs_model or record.shipped)),
@@ -55,14 +53,11 @@ def parsers_of(part: str) -> dict[str, Parse]:
 
 
 def read_form(fields: Mapping[str, Any], *parts: str) -> dict[str, Any]:
-    """The options of these parts that were filled in. PageError."""
+    """The options of these parts that were filled in. InputError."""
     known = {name: parse for part in parts for name, parse in parsers_of(part).items()}
     return read_fields(known, fields)
 
 
 def read_fields(known: Mapping[str, Parse], fields: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of the fields that were filled in, of those `known`. PageError."""
-    try:
-        return read_parameters(known, {name: fields[name] for name in known if fields.get(name) not in (None, "")})
-    except InputError as error:
-        raise PageError(error.marked, field_of(error, {})) from None
+    """The values of the fields that were filled in, of those `known`. InputError."""
+    return read_parameters(known, {name: fields[name] for name in known if fields.get(name) not in (None, "")})

@@ -9,13 +9,12 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import dlama
-from dlama.errors import InputError
 from dlama.files.cameras import read_camera_fields
 from dlama.files.fields import intrinsics_in, read_calib_txt, read_json_fields
 from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
-from dlama.jobs import parameters
 from dlama.jobs.inputs import JobInputs
+from dlama.jobs.parameters import number
 from dlama.perception.depth_scale import RULES, describe_depth_source
 from dlama.perception.resampling import shrink_rgbd
 from dlama.web.answers import Fields, PageError, use_page_words
@@ -80,14 +79,6 @@ def file_name(name: str, role: str, taken: Mapping[str, Upload]) -> tuple[str, s
     while clean in {upload.name for other, upload in taken.items() if other != role}:
         clean = f"{role}-{clean}"
     return clean, suffix
-
-
-def number(name: str, value: Any, where: str) -> float:
-    """A finite number. PageError, about the field `where`."""
-    try:
-        return parameters.number(name, value)
-    except InputError as error:
-        raise PageError(error.marked, where) from None
 
 
 def check_upload(upload: Upload, most_pixels: int, role: str) -> None:
@@ -185,5 +176,5 @@ def shrink(source: RGBD, longest: int) -> RGBD:
 
 
 def pixel_of(fields: Fields) -> tuple[int, int]:
-    """Column and row."""
-    return int(number("x", fields.get("x"), "")), int(number("y", fields.get("y"), ""))
+    """Column and row. InputError."""
+    return int(number("x", fields.get("x"))), int(number("y", fields.get("y")))

@@ -12,8 +12,8 @@ import numpy as np
 import dlama
 from dlama.geometry.holes import grow_or_shrink
 from dlama.geometry.rgbd import BoolArray
+from dlama.jobs.parameters import number
 from dlama.web.answers import PageError
-from dlama.web.inputs import number
 
 MOST_MARKS, MOST_POINTS, MOST_GROWTH = 200, 20_000, 60
 """Marks, points of all strokes together, and pixels that a mask is grown or shrunk by, at most."""
@@ -61,11 +61,11 @@ class Marks:
 
 
 def read_marks(fields: Mapping[str, Any]) -> Marks:
-    """The marks that the page sent. PageError."""
+    """The marks that the page sent. InputError."""
     listed = list_marks(fields)
     clicks, not_clicks = (tuple(point(mark.get("at")) for mark in listed[kind]) for kind in ("click", "not"))
     boxes = [numbers(mark.get("box"), 4) for mark in listed["box"]]
-    grow = round(number("grow", fields.get("grow") or 0, "marks"))
+    grow = round(number("grow", fields.get("grow") or 0))
     if abs(grow) > MOST_GROWTH:
         raise PageError(f"grow is {grow} px; {-MOST_GROWTH} to {MOST_GROWTH} is expected", "marks")
     reading = str(fields.get("candidate") or "object")[:20]
@@ -90,33 +90,29 @@ def list_marks(fields: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
 
 
 def read_strokes(marks: Sequence[Mapping[str, Any]]) -> tuple[Stroke, ...]:
-    """Strokes of MOST_POINTS together. PageError."""
-    strokes: list[Stroke] = []
+    """Strokes of MOST_POINTS together. InputError."""
+    strokes, left = list[Stroke](), MOST_POINTS
     for mark in marks:
-        strokes.append(read_stroke(mark, MOST_POINTS - sum(len(stroke.points) for stroke in strokes)))
+        line = mark.get("points")
+        if not isinstance(line, list) or not 0 < len(line) <= left:
+            raise PageError(f"a stroke must have points, all strokes together at most {MOST_POINTS}", "marks")
+        left -= len(line)
+        radius = min(max(number("radius", mark.get("radius")), 0.5), 500.0)
+        strokes.append(Stroke(tuple(map(point, line)), radius, mark["kind"] == "add"))
     return tuple(strokes)
 
 
-def read_stroke(mark: Mapping[str, Any], most: int) -> Stroke:
-    """A stroke of at most so many points. PageError."""
-    line = mark.get("points")
-    if not isinstance(line, list) or not 0 < len(line) <= most:
-        raise PageError(f"a stroke must have points, all strokes together at most {MOST_POINTS}", "marks")
-    radius = min(max(number("radius", mark.get("radius"), "marks"), 0.5), 500.0)
-    return Stroke(tuple(map(point, line)), radius, mark["kind"] == "add")
-
-
 def point(value: Any) -> tuple[float, float]:
-    """x, y. PageError."""
+    """x, y. InputError."""
     x, y = numbers(value, 2)
     return x, y
 
 
 def numbers(value: Any, count: int) -> tuple[float, ...]:
-    """So many finite numbers. PageError."""
+    """So many finite numbers. InputError."""
     if not isinstance(value, list) or len(value) != count:
         raise PageError(f"{count} numbers are expected for a mark", "marks")
-    return tuple(round(number("mark", each, "marks"), 1) for each in value)
+    return tuple(round(number("mark", each), 1) for each in value)
 
 
 def pointing(marks: Marks) -> dict[str, Any]:

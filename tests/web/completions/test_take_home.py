@@ -20,7 +20,7 @@ from box_frame import pixels
 from dlama.apps.cli import main
 from dlama.errors import InputError
 from dlama.web import api
-from dlama.web.completions import take_home
+from dlama.web.completions import results, take_home
 from dlama.web.completions.runs import warnings_by_thread
 from dlama.web.visits import Result, Visit
 
@@ -155,7 +155,7 @@ def test_single_files_are_those_of_the_zip(frame: Path, visit: Visit) -> None:
     for name in ("../picture.png", "/etc/passwd", "background.ply", ""):
         with pytest.raises(InputError, match="is no file of this result"):
             take_home.single_file(result, name, visit.folder)
-    assert take_home.photo3d_html(result).startswith(b"<!doctype html>")
+    assert results.photo3d(visit, {}).data.startswith(b"<!doctype html>")
     assert sorted(path.name for path in visit.folder.rglob("*")) == ["depth.png", "picture.png"]
 
 

@@ -8,12 +8,11 @@ from typing import Any
 
 from dlama.completion.options import Options
 from dlama.completion.verbs import target_camera
-from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.jobs.early import check_options
 from dlama.jobs.parameters import MOVE
-from dlama.web.answers import PageError, field_of
+from dlama.web.answers import PageError
 from dlama.web.form import parsers_of, read_fields
 
 MOVES = {name: MOVE[name] for name in ("yaw", "pitch", "dolly", "pivot")}
@@ -36,12 +35,9 @@ class CompletionRequest:
 
 
 def read_request(fields: Mapping[str, Any]) -> CompletionRequest:
-    """What the page asked for; what differs from its default. PageError."""
+    """What the page asked for; what differs from its default. InputError."""
     given = read_fields(MOVES | parsers_of("method"), fields)
-    try:
-        check_options(given)
-    except InputError as error:
-        raise PageError(error.marked, field_of(error, {})) from None
+    check_options(given)
     if given.get("dilate", 0) > MOST_DILATION:
         raise PageError(f"`dilate` is {given['dilate']}; 0 to {MOST_DILATION} is expected", "method")
     move = {name: value for name, value in given.items() if name in MOVES and value not in (0, "auto")}

@@ -8,7 +8,7 @@ from typing import Any
 import dlama
 from dlama.completion.report import describe_remaining_shadow
 from dlama.completion.verbs import view_pair
-from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_within
+from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_within, photo3d_page
 from dlama.web import pictures
 from dlama.web.answers import Blob, Fields, PageError, hide_paths, use_page_words
 from dlama.web.completions import take_home
@@ -27,7 +27,6 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
     source, mask, marks = visit.require_source(), visit.mask, visit.marks
     request = read_request(fields)
     request.camera(source.rgbd)  # refused at once, not when the work begins
-    refuse_second(visit)
     found = visit.found[1] if visit.found else None
     about: dict[str, Any] = {}
     if mask is not None and found is not None and marks.in_words and source.pair is None:
@@ -50,14 +49,10 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
     return begin(visit, started)
 
 
-def refuse_second(visit: Visit) -> None:
-    """PageError where a run is under way."""
+def begin(visit: Visit, started: Run) -> dict[str, Any]:
+    """Start a run, which is the visit's from now on; its progress. PageError where another one is under way."""
     if visit.run is not None and visit.run.active:
         raise PageError("a completion is under way; cancel it first")
-
-
-def begin(visit: Visit, started: Run) -> dict[str, Any]:
-    """Start a run, which is the visit's from now on; its progress."""
     visit.run = started
     started.start()
     return started.progress()
@@ -68,7 +63,6 @@ def turn(visit: Visit, fields: Fields) -> dict[str, Any]:
     result = visit.require_result()
     if visit.run is not None and visit.run.turns and visit.run.active:
         return visit.run.progress()
-    refuse_second(visit)
 
     def work() -> Result:
         _ = result.photo  # made, and kept, as it is asked for
@@ -152,7 +146,8 @@ def scene(visit: Visit, fields: Fields) -> Blob:
 
 def photo3d(visit: Visit, fields: Fields) -> Blob:
     """The 3-D photo as one HTML file."""
-    return Blob(take_home.photo3d_html(visit.require_result()), "text/html", "photo3d.html")
+    photo, parts = visit.require_result().photo
+    return Blob(photo3d_page(photo.box, parts).encode(), "text/html", "photo3d.html")
 
 
 def package(visit: Visit, fields: Fields) -> Blob:

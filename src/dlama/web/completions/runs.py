@@ -12,6 +12,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from typing import Any
 
 from dlama.errors import DlamaError
@@ -21,13 +22,8 @@ ONE_AT_A_TIME = threading.Semaphore(1)
 """A completion uses all cores and much memory; the next one waits for its turn."""
 
 
-class _Warned(threading.local):
-    """What takes the warnings of this thread."""
-
-    lines: list[str] | None = None
-
-
-_warned = _Warned()
+_WARNED: ContextVar[list[str] | None] = ContextVar("warned", default=None)
+"""What takes the warnings of this thread."""
 
 
 @contextmanager
@@ -37,10 +33,11 @@ def warnings_by_thread() -> Iterator[None]:
         before = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *rest: object) -> None:
-            if _warned.lines is None:
+            lines = _WARNED.get()
+            if lines is None:
                 before(message, category, filename, lineno, *rest)  # type: ignore[arg-type]
-            elif str(message) not in _warned.lines:
-                _warned.lines.append(str(message))
+            elif str(message) not in lines:
+                lines.append(str(message))
 
         warnings.simplefilter("always", UserWarning)
         warnings.showwarning = show  # type: ignore[assignment]
@@ -50,13 +47,12 @@ def warnings_by_thread() -> Iterator[None]:
 @contextmanager
 def warnings_of_thread() -> Iterator[list[str]]:
     """The warnings of this thread, as a list that grows."""
-    before = _warned.lines
     lines: list[str] = []
-    _warned.lines = lines
+    before = _WARNED.set(lines)
     try:
         yield lines
     finally:
-        _warned.lines = before
+        _WARNED.reset(before)
 
 
 class Cancelled(BaseException):

@@ -15,7 +15,6 @@ from dlama.completion.options import options_in
 from dlama.files.rasters.images import has_16_bits
 from dlama.files.rasters.masks import write_mask
 from dlama.files.results.completion import RESULTS, file_names
-from dlama.files.scenes.photo3d_page import photo3d_page
 from dlama.jobs.options import Pointing
 from dlama.jobs.parameters import ESTIMATING, LENS, METHOD, MOVE, POINTING, READING, typed
 from dlama.web.answers import PageError, hide_paths
@@ -183,9 +182,3 @@ def single_file(result: Result, file: str, parent: Path) -> bytes:
     group = next((name for name, files in RESULTS.items() if file.rpartition("/")[2] in files), "preview")
     with tempfile.TemporaryDirectory(dir=parent) as name:
         return (write_result(result, Path(name), (group,)) / file).read_bytes()
-
-
-def photo3d_html(result: Result) -> bytes:
-    """The 3-D photo as one HTML file."""
-    photo, parts = result.photo
-    return photo3d_page(photo.box, parts).encode()
