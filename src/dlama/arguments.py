@@ -171,11 +171,13 @@ def _complaint(value: object, annotation: Any, name: str) -> str:
         return ""
     if alternatives := _alternatives(annotation):
         return _complaint_of_union(value, alternatives, name)
-    if _numbers_in(annotation):
-        return _complaint_of_numbers(value, annotation, name)
     kind, inner = get_origin(annotation) or annotation, get_args(annotation)
+    if kind in ROWS and _innermost(annotation) in (int, float) and hasattr(value, "tolist"):  # an array, a tensor
+        value = value.tolist()
     if not _is_a(value, kind, inner):
         return _not_a(value, [annotation], name)
+    if kind is tuple and Ellipsis not in inner and len(cast(Sized, value)) != len(inner):
+        return f"{name} is {value!r}; {len(inner)} {_plural(inner[0])} are expected"
     unlike = (one for one in _elements(value, kind, inner, name) if not isinstance(one[0], _classes(one[1])))
     return next(filter(None, (_complaint(*one) for one in unlike)), "")
 
@@ -189,39 +191,10 @@ def _complaint_of_union(value: object, members: Sequence[Any], name: str) -> str
     return inner[0] if inner else _not_a(value, [member for member in members if member is not types.NoneType], name)
 
 
-def _numbers_in(annotation: Any) -> tuple[int | None, ...]:
-    """How many numbers a list of numbers has along each axis, None: any; () for what is no list of numbers."""
-    kind, inner = get_origin(annotation), get_args(annotation)
-    if kind not in ROWS or not inner:
-        return ()
-    length = None if kind is not tuple or Ellipsis in inner else len(inner)
-    if inner[0] in (int, float):
-        return (length,)
-    return (length, *_numbers_in(inner[0])) if _numbers_in(inner[0]) else ()
-
-
-def _complaint_of_numbers(value: object, annotation: Any, name: str) -> str:
-    """As `_complaint`, of a list or array of numbers, or of tuples of numbers."""
-    counts = _numbers_in(annotation)
-    try:
-        found = np.array(list(value) if isinstance(value, (set, frozenset)) else value)
-    except ValueError:  # rows of several lengths
-        found = np.array(None)
-    if _holds_numbers(found, counts):
-        return ""
-    expected = (
-        f"{counts[-1] or 'some'} numbers are" if len(counts) == 1 else f"a list of tuples of {counts[-1]} numbers is"
-    )
-    came = repr(value) if np.size(found) < 20 else f"of type {type(value).__name__} with shape {found.shape}"
-    return f"{name} is {came}; {expected} expected"
-
-
-def _holds_numbers(found: np.ndarray, counts: tuple[int | None, ...]) -> bool:
-    """Whether an array holds as many numbers along each axis as `_numbers_in` says; where that is any, none will do, too."""
-    if counts[0] is None and found.shape[:1] == (0,):
-        return True
-    fits = found.ndim == len(counts) and all(count in (None, size) for count, size in zip(counts, found.shape))
-    return fits and found.dtype.kind in "iufb"
+def _innermost(annotation: Any) -> Any:
+    """What a list, or a list of lists, is of; any other annotation itself."""
+    inner = get_args(annotation)
+    return _innermost(inner[0]) if inner else annotation
 
 
 def _not_a(value: object, expected: Sequence[Any], name: str) -> str:
@@ -269,9 +242,13 @@ def describe_types(expected: Sequence[Any]) -> str:
 def _word(annotation: Any) -> str:
     kind, inner = get_origin(annotation) or annotation, get_args(annotation)
     if kind in ROWS and inner:
-        members = inner[0].__constraints__ if isinstance(inner[0], TypeVar) else get_args(inner[0]) or inner[:1]
-        return "a list of " + " or ".join(_word(one).partition(" ")[2] + "s" for one in members)
+        return "a list of " + " or ".join(map(_plural, _alternatives(inner[0]) or inner[:1]))
     if kind in WORDS:
         return WORDS[kind]
     name = str(getattr(kind, "__name__", kind))
     return f"{'an' if name[0] in 'AEIO' or name.startswith('RGB') else 'a'} {name}"
+
+
+def _plural(annotation: Any) -> str:
+    """As `_word`, of several: `Cameras`, `numbers`, `lists`."""
+    return "lists" if get_origin(annotation) in ROWS else _word(annotation).partition(" ")[2] + "s"
