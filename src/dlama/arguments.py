@@ -128,12 +128,6 @@ def function_name(function: object) -> str:
     return getattr(function, "__name__", type(function).__name__)
 
 
-def check_number(value: object, name: str, what: str = "a number") -> None:
-    """Raise InputTypeError, which calls the value `name`, unless it is a number (or None); `what`: what is expected, in words."""
-    if value is not None and not isinstance(value, Real):
-        raise InputTypeError(f"{marked_name(name)} is {value!r}; {what} is expected")
-
-
 def check_count(value: object, name: str, least: int = 1, most: float = math.inf) -> None:
     """Raise InputError, which calls the value `name`, unless it is a whole number from `least` to `most` (or None)."""
     if value is None or (isinstance(value, Integral) and least <= int(value) <= most):

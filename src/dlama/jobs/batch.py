@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dlama.arguments import check, check_arguments, check_count, check_number, check_word
+from dlama.arguments import check, check_arguments, check_count, check_word
 from dlama.completion.memory import available_bytes
 from dlama.completion.options import raise_all
 from dlama.errors import InputError, marked_name, require_extra
@@ -77,7 +77,6 @@ def batch(
     source = JobList(jobs, verb, check_defaults(verb, defaults))
     counts = {"stop_after_failures": stop_after_failures, "pack": pack, "workers": workers, "threads": threads}
     raise_all(functools.partial(check_count, count, name) for name, count in counts.items())
-    check_number(gpus_per_worker, "gpus_per_worker", "a share of a GPU, 0 or more,")
     check_folder_name(out)
     output = Output(str(out) if is_address(str(out)) else str(Path(local_path(str(out))).absolute()))
     settings = Settings(output, ordered, resume, stop_after_failures, pack, progress or (lambda *_: None))

@@ -17,22 +17,15 @@ from dlama.web.answers import Limits
 if TYPE_CHECKING:
     from dlama.web.server import Server
 
-Host = Annotated[str, option("ADDRESS", "127.0.0.1")]
-Port = Annotated[int, option("N", "7860")]
-Token = Annotated[str | None, option("TEXT", "one is made where other machines can reach the page")]
-Megabytes = Annotated[int, option("MB", "64")]
-Megapixels = Annotated[float, option("MP", "16")]
-Pages = Annotated[int, option("N", "8")]
-
 
 def serve(
     report: Report,
-    host: Host = "127.0.0.1",
-    port: Port = 7860,
-    token: Token = None,
-    max_megabytes: Megabytes = 64,
-    max_megapixels: Megapixels = 16.0,
-    max_pages: Pages = 8,
+    host: Annotated[str, option("ADDRESS", "127.0.0.1")] = "127.0.0.1",
+    port: Annotated[int, option("N", "7860")] = 7860,
+    token: Annotated[str | None, option("TEXT", "one is made where other machines can reach the page")] = None,
+    max_megabytes: Annotated[int, option("MB", "64")] = 64,
+    max_megapixels: Annotated[float, option("MP", "16")] = 16.0,
+    max_pages: Annotated[int, option("N", "8")] = 8,
 ) -> None:
     """A page in the browser: mark an object, move the camera, complete, look at it in 3-D, download everything.
 

@@ -22,7 +22,6 @@ NEEDED = {"torch": "torch", "pytorch-lightning": "pytorch_lightning", "onnx": "o
 
 Number = Annotated[int | None, option("N", "the settings'")]
 Weights = Annotated[Path | None, option("FILE", "the settings'")]
-Data = Annotated[tuple[Path, ...], option("PATH ...", "procedural worlds")]
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def train(
     replaced: Replaced,
     report: Report,
     output: Annotated[Path | None, option("DIR", None, aliases=["-o"])] = None,
-    data: Data = (),
+    data: Annotated[tuple[Path, ...], option("PATH ...", "procedural worlds")] = (),
     max_minutes: Annotated[float | None, option("MINUTES", "until the last step")] = None,
     resume: Annotated[bool, option("", "a new run")] = False,
 ) -> None:
