@@ -100,7 +100,10 @@ def test_line_breaks_of_the_source_are_not_shown(verb: str) -> None:
     """Where the source breaks a description help would break it too, in the middle of a sentence (oracle: the source)."""
     assert not re.search(r"\n {5,}\S", join_lines(str(VERBS[verb].__doc__)))
     for group in groups_in(VERBS[verb]):
-        (parsed,) = ast.parse(textwrap.dedent(inspect.getsource(group))).body
+        try:
+            (parsed,) = ast.parse(textwrap.dedent(inspect.getsource(group))).body
+        except OSError:  # made by `as_flags`
+            continue
         assert isinstance(parsed, ast.ClassDef)
         texts = [one.value.value for one in parsed.body[1:] if isinstance(one, ast.Expr) and is_text(one.value)]
         assert [text for text in texts if "\n" in text] == []

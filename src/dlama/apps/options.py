@@ -6,10 +6,10 @@ Nothing here imports what computes, so that --help is quick; a test holds the na
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
@@ -45,28 +45,34 @@ def typed_words(value: Any) -> list[str]:
     return list(map(typed, value if isinstance(value, (list, tuple)) else (value,)))
 
 
-T = TypeVar("T")
+def as_flags(group: Any, *names: str, doc: str = "") -> Any:
+    """A dataclass with these options of a group (all, if none is named) as its fields, and `doc` or the group's docstring."""
+    fields = []
+    for name, one in options_in(group).items():
+        if name in (names or (name,)):
+            named = {"name": one.flag} if one.flag else {}
+            shown = option(one.metavar, one.default, help=one.text, **named)
+            fields.append((name, Annotated[one.kind, shown], one.value))
+    return dataclasses.make_dataclass(group.__name__, fields, namespace={"__doc__": doc or group.__doc__}, frozen=True)
 
 
-def as_flags(group: Any, *names: str) -> Callable[[type[T]], type[T]]:
-    """Decorator: the class as a dataclass with these options of a group (all, if none is named) as its fields."""
-
-    def decorate(cls: type[T]) -> type[T]:
-        annotations = {}
-        for name, one in options_in(group).items():
-            if name in (names or (name,)):
-                named = {"name": one.flag} if one.flag else {}
-                annotations[name] = Annotated[one.kind, option(one.metavar, one.default, help=one.text, **named)]
-                setattr(cls, name, one.value)
-        cls.__annotations__ = annotations
-        cls.__doc__ = cls.__doc__ or group.__doc__
-        return dataclass(frozen=True)(cls)
-
-    return decorate
-
-
-@as_flags(groups.Results)
-class Results: ...
+if TYPE_CHECKING:
+    from dlama.completion.options import Options as Filler
+    from dlama.completion.options import Options as Method
+    from dlama.jobs.options import Estimating, Lens, Masking, Move, Pair, Pointing, Reading, Results
+    from dlama.jobs.options import Pair as Matching
+else:
+    Results = as_flags(groups.Results)
+    Move = as_flags(groups.Move)
+    Lens = as_flags(groups.Lens)
+    Reading = as_flags(groups.Reading)
+    Estimating = as_flags(groups.Estimating)
+    Masking = as_flags(groups.Masking)
+    Pointing = as_flags(groups.Pointing)
+    Pair = as_flags(groups.Pair)
+    Matching = as_flags(groups.Pair, "right_view", "disparity_scale", "matcher", "max_disparity")
+    Method = as_flags(Options, doc="How the scene is completed.")
+    Filler = as_flags(Options, "filler", "model", "seed", doc="What fills what no frame saw.")
 
 
 @dataclass(frozen=True)
@@ -77,30 +83,6 @@ class Report:
     """Print nothing but errors, and what --json prints."""
     json: Annotated[bool, option("", "off")] = False
     """Print one JSON object instead of the summary: what was written, shares of holes, seconds, warnings."""
-
-
-@as_flags(groups.Move)
-class Move: ...
-
-
-@as_flags(groups.Lens)
-class Lens: ...
-
-
-@as_flags(groups.Reading)
-class Reading: ...
-
-
-@as_flags(groups.Estimating)
-class Estimating: ...
-
-
-@as_flags(groups.Masking)
-class Masking: ...
-
-
-@as_flags(groups.Pointing)
-class Pointing: ...
 
 
 @dataclass(frozen=True)
@@ -118,14 +100,6 @@ class _Object:
 
     masking: Masking
     pointing: Pointing
-
-
-@as_flags(groups.Pair)
-class Pair: ...
-
-
-@as_flags(groups.Pair, "right_view", "disparity_scale", "matcher", "max_disparity")
-class Matching: ...
 
 
 def given_options(*groups: Any) -> dict[str, Any]:
@@ -169,11 +143,6 @@ def check_of_object(given: Mapping[str, Any], *masks: Path | None) -> None:
             raise InputError(f"`{name}` is for clicks and boxes, and {instead}")
 
 
-@as_flags(Options)
-class Method:
-    """How the scene is completed."""
-
-
 @dataclass(frozen=True)
 class _Completing:
     """How the scene is completed, and what is written of it."""
@@ -187,8 +156,3 @@ Together = arg(name="")
 PictureOptions = Annotated[_Picture, Together]
 ObjectOptions = Annotated[_Object, Together]
 CompletingOptions = Annotated[_Completing, Together]
-
-
-@as_flags(Options, "filler", "model", "seed")
-class Filler:
-    """What fills what no frame saw."""
