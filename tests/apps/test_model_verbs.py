@@ -13,35 +13,28 @@ from running import error_line
 
 from dlama.apps import cli
 from dlama.apps.model_files import model_for
-from dlama.apps.verbs.networks.model_verbs import models
 from dlama.errors import FileError, InputError
 from dlama.models.records import CATALOGUE
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
+from dlama.nets.safetensors_file import write_safetensors
 
 SMALL = GeneratorSettings(width=4, blocks=1, downsamplings=2)
-CODES = {"f4": "F32", "f2": "F16", "i8": "I64"}
 
 
 def write_weights(path: Path, half: bool = False) -> Path:
-    """A small generator of random weights as safetensors, written by hand."""
-    rng = np.random.default_rng(0)
-    header, body = {}, b""
+    """A small generator of random weights as safetensors."""
+    rng, tensors = np.random.default_rng(0), dict[str, np.ndarray]()
     for name, shape in generator_shapes(SMALL).items():
         kind = "i8" if name.endswith("num_batches_tracked") else "f2" if half and name.endswith(".bias") else "f4"
-        data = np.asarray(rng.uniform(0.5, 1.0, shape), kind).tobytes()
-        header[name] = {"dtype": CODES[kind], "shape": shape, "data_offsets": (len(body), len(body) + len(data))}
-        body += data
-    text = json.dumps(header).encode()
-    path.write_bytes(len(text).to_bytes(8, "little") + text + body)
+        tensors[name] = np.asarray(rng.uniform(0.5, 1.0, shape), kind)
+    write_safetensors(path, tensors)
     return path
 
 
 @pytest.fixture(autouse=True)
 def cache_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty cache directory, and a command line that knows `models`."""
+    """An empty cache directory."""
     monkeypatch.setenv("DLAMA_MODELS", str(tmp_path / "cache"))
-    monkeypatch.setitem(cli.VERBS, "models", models)
-    monkeypatch.setitem(cli.EXAMPLES, "models", ("dlama models list",))
     return tmp_path / "cache"
 
 

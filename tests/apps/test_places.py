@@ -200,13 +200,3 @@ def test_all_wrong_options_are_named_at_once(folder: Path, capsys: pytest.Captur
     wrong = ("--only image,colour", "--filler magic", "--dilate -1", "--seed -1", "--min-confidence 2", "--far -1")
     line = error_line(capsys, *LATE["remove"].split(), *" ".join(wrong).split())
     assert [words for words in wrong if WRONG.get(words, "--only is 'colour'") not in line] == []
-
-
-def test_the_mask_that_a_click_found_is_written(tmp_path: Path) -> None:
-    """`mask` among --only: mask.png is the mask that was removed (oracle: that of `dlama mask` for the same click)."""
-    frame = small_frame(tmp_path)
-    files = [str(frame / "image.png"), str(frame / "depth.png"), "--fov", "60", "--click", "30,25"]
-    main(["mask", *files, "-o", str(frame / "found.png")])
-    main(["remove", *files, "--filler", "telea", "--only", "image,mask", "-o", str(frame / "out")])
-    assert (frame / "out" / "mask.png").read_bytes() == (frame / "found.png").read_bytes()
-    assert sorted(path.name for path in (frame / "out").iterdir()) == ["image.png", "mask.png", "meta.json"]

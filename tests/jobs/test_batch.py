@@ -18,12 +18,18 @@ from dlama.errors import InputError, OutputError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch
 from dlama.jobs.job import Job
-from dlama.jobs.perform import Task, failed_row
+from dlama.jobs.perform import Task, failed_row, work
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.results.result import JobResult
 from dlama.jobs.run import WINDOW, Settings, run_jobs
 from dlama.jobs.storage import Output
 from dlama.workers.pool import TaskEnd
+
+
+@pytest.fixture(autouse=True)
+def frame(tmp_path: Path) -> Path:
+    """The folder of each test, with the small frame in it."""
+    return small_frame(tmp_path)
 
 
 def run(folder: Path, rows: list[dict[str, object]], **options: object) -> list[dlama.JobResult]:
@@ -34,7 +40,6 @@ def run(folder: Path, rows: list[dict[str, object]], **options: object) -> list[
 
 def test_results_are_those_of_the_verbs(tmp_path: Path) -> None:
     """Oracle: view, remove and depth called one by one, byte for byte; a bad row is one failed row that says where it stands."""
-    small_frame(tmp_path)
     rows = [
         {"id": "a/1", "verb": "view", "image": "image.png", "depth": "depth.png", "yaw": 5},
         {"id": "missing", "verb": "view", "image": "nothing.png", "depth": "depth.png", "yaw": 5},
@@ -69,7 +74,6 @@ def test_results_are_those_of_the_verbs(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("in_this_process")
 def test_what_is_done_is_kept_and_what_changed_is_done_again(tmp_path: Path) -> None:
     """Oracle: which rows say that they were kept, after each change; a touched file of the same bytes is no change."""
-    small_frame(tmp_path)
     rows = view_rows(3)
     assert [row.kept for row in run(tmp_path, rows, ordered=True)] == [False] * 3
     assert [row.kept for row in run(tmp_path, rows, ordered=True)] == [True] * 3
@@ -128,7 +132,6 @@ def test_few_results_wait_for_a_slow_job(tmp_path: Path) -> None:
 
 def test_a_job_that_kills_its_worker_twice_is_one_failed_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed once: done at the second try; twice: failed; everything else is done. (tests/workers has processes that die.)"""
-    small_frame(tmp_path)
     deaths = {"v/001": 1, "v/002": 9}
     monkeypatch.setattr(room, "worker_starter", lambda *_: lambda: InThisProcess(room.work, deaths))
     results = {row.id: row for row in run(tmp_path, view_rows(4))}
@@ -143,7 +146,6 @@ def test_a_job_that_kills_its_worker_twice_is_one_failed_row(tmp_path: Path, mon
 @pytest.mark.usefixtures("in_this_process")
 def test_no_new_job_after_so_many_failures(tmp_path: Path) -> None:
     """One worker, the first three rows fail: with a limit of 2 no more than those and what was begun already come."""
-    small_frame(tmp_path)
     rows = [{**row, "image": "nothing.png"} for row in view_rows(3)] + view_rows(9)[3:]
     results = run(tmp_path, rows, stop_after_failures=2)
     assert [row.status for row in results].count("failed") == 2 and len(results) <= 3
@@ -152,7 +154,6 @@ def test_no_new_job_after_so_many_failures(tmp_path: Path) -> None:
 
 def test_lists_that_cannot_be_are_refused_before_anything_runs(tmp_path: Path) -> None:
     """Oracle: messages by hand; no result is there."""
-    small_frame(tmp_path)
     rows = view_rows(2)
     for change, message in (
         ({"id": "v/000"}, r"line 4: id 'v/000' is that of job 1 already"),
@@ -180,7 +181,6 @@ def test_lists_that_cannot_be_are_refused_before_anything_runs(tmp_path: Path) -
 @pytest.mark.usefixtures("in_this_process")
 def test_a_folder_that_is_no_result_is_never_replaced(tmp_path: Path) -> None:
     """Somebody's files stay, and the job is a failed row (oracle: the file)."""
-    small_frame(tmp_path)
     (tmp_path / "out" / "v" / "000").mkdir(parents=True)
     (tmp_path / "out" / "v" / "000" / "diary.txt").write_text("mine")
     results = {row.id: row for row in run(tmp_path, view_rows(2))}
@@ -192,7 +192,6 @@ def test_a_folder_that_is_no_result_is_never_replaced(tmp_path: Path) -> None:
 def test_two_runs_do_not_write_to_the_same_place(tmp_path: Path) -> None:
     """The second is refused while the first is under way."""
     pytest.importorskip("fcntl")
-    small_frame(tmp_path)
     first = batch(write_csv(tmp_path / "jobs.csv", view_rows(2)), tmp_path / "out", workers=1, **FAST)
     next(first)
     with pytest.raises(OutputError, match="another run is writing there"):
@@ -217,7 +216,6 @@ if __name__ == "__main__":
 @pytest.mark.skipif(os.name == "nt", reason="no signals")
 def test_a_killed_driver_loses_nothing(tmp_path: Path) -> None:
     """kill -9 in the middle: no worker outlives it; the next run keeps what was done and does the rest (oracle: the list)."""
-    small_frame(tmp_path)
     rows = view_rows(8)
     (tmp_path / "driver.py").write_text(DRIVER)
     words = [sys.executable, tmp_path / "driver.py", write_csv(tmp_path / "jobs.csv", rows), tmp_path / "out"]
@@ -244,7 +242,7 @@ def test_a_killed_driver_loses_nothing(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("in_this_process")
 def test_rows_as_mappings_and_a_generator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Paths start from the working folder; a generator is read once, and two equal ids are found as they come."""
-    monkeypatch.chdir(small_frame(tmp_path))
+    monkeypatch.chdir(tmp_path)
     rows = view_rows(3)
     results = list(batch(rows, "out", workers=1, **FAST))
     assert {row.status for row in results} == {"done"} and len(results) == 3
@@ -256,7 +254,6 @@ def test_rows_as_mappings_and_a_generator(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.usefixtures("in_this_process")
 def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Results that cannot be written, one after the other, end the run with the reason; later it resumes."""
-    small_frame(tmp_path)
 
     def full(task: Task) -> JobResult:
         return failed_row(task.job, OutputError("out: no space left on device"))
@@ -273,14 +270,12 @@ def test_a_full_disk_is_told_with_the_result_and_leaves_nothing(
 ) -> None:
     """The message names where the file was to lie, not where it was made (oracle: by hand); no draft stays."""
     from dlama.files.rasters import pictures
-    from dlama.jobs.perform import Task, work
-    from dlama.jobs.storage import Output
 
     def full(path: Path, color: object) -> None:
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr(pictures, "write_color", full)
-    source = room.JobList(write_csv(small_frame(tmp_path) / "jobs.csv", view_rows(1)), None, FAST)
+    source = room.JobList(write_csv(tmp_path / "jobs.csv", view_rows(1)), None, FAST)
     row = work(Task(next(iter(source)), Output(str(tmp_path / "out"))))
     assert row.error == f"{tmp_path}/out/v/000/image.png: no space left on device"
     assert row.error_kind == "OutputError"
@@ -303,7 +298,6 @@ def test_the_last_row_counts_also_where_the_clock_has_gone_back(
 @pytest.mark.usefixtures("in_this_process")
 def test_options_that_cannot_be_are_one_failed_row_without_work(tmp_path: Path) -> None:
     """All that is wrong in one row is said at once, before a picture is read; an id that is no text is refused."""
-    small_frame(tmp_path)
     base = {"id": "a", "verb": "view", "image": "image.png", "depth": "depth.png", "yaw": 5}
     (row,) = run(tmp_path, [{**base, "seed": -1, "dilate": -2, "min_confidence": 3}])
     assert row.status == "failed" and row.seconds_by_stage == {}
