@@ -136,6 +136,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.apps.reading.Command.write_mask")
     spy("dlama.apps.reading.summary_line", "")
     spy("dlama.apps.reading.summary_values", {})
+    spy("dlama.apps.verbs.demo.new_directory", through=True)
     spy("dlama.apps.verbs.demo.demo_panels", [])
     spy("dlama.apps.verbs.demo.demo_legend", [])
     spy("dlama.apps.verbs.demo.demo_video")
