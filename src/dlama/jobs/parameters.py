@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from dlama.arguments import check_word
 from dlama.completion.options import Options, options_in, raise_all
 from dlama.errors import InputError
 from dlama.inpainters import FILLER_NAMES
@@ -64,7 +63,8 @@ def one_of(*names: str) -> Parse:
     """One of these words."""
 
     def parse(name: str, value: Any) -> str:
-        check_word(value, name, names)
+        if not isinstance(value, str) or value not in names:
+            raise InputError(f"`{name}` is {value!r}; one of {', '.join(names)} is expected")
         return str(value)
 
     return parse
@@ -194,7 +194,7 @@ def check_parameters(
 
     loaded: its inputs come from a data set, so none need be named.
     """
-    check_word(verb, "verb", VERBS)
+    one_of(*VERBS)("verb", verb)
     known = VERBS[verb]
     for name in given:
         if name not in known:

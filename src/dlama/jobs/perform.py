@@ -23,10 +23,10 @@ from dlama.models.verify import sha256_of
 from dlama.workers.memory import peak_mib, reset_peak
 from dlama.writing.drafts import DRAFT
 
-HALF_MADE = re.compile(rf"\S*?{re.escape(DRAFT)}[^/]*-job/(?:{re.escape(DRAFT)}[^/]*-)?result\b")
-"""The path of a result while it is made; a message names the one that it was to have."""
 RESULT = "result"
 """The folder of a result while it is made."""
+HALF_MADE = re.compile(rf"\S*?{re.escape(DRAFT)}[^/]*/(?:{re.escape(DRAFT)}[^/]*|{RESULT}\b)")
+"""The path of a result while it is made; a message names the one that it was to have."""
 
 
 @dataclass(frozen=True)
