@@ -62,7 +62,7 @@ LIGHT = (
         "metrics": (f"import {METRICS}", ("skimage", "scipy", "onnxruntime", "torch", "PIL")),
         "settings of a training": ("import dlama.training.presets, dlama.apps.verbs.networks.train", ("torch",)),
         "checkpoints read and exported": (
-            "import dlama.nets.checkpoints, dlama.nets.export.generator, dlama.nets.surgery",
+            "import dlama.nets.checkpoints, dlama.nets.export.generator",
             ("torch",),
         ),
         "options without clicks": (
