@@ -40,7 +40,7 @@ class PointCloud:
         return f"PointCloud({points}, {describe_extent(self.points)})"
 
     def _repr_html_(self) -> str:
-        return point_viewer(repr(self), self.points, self.color, self.origin, self.confidence)
+        return point_viewer(repr(self), self)
 
 
 def _fields_of(places: str, count: int) -> dict[str, tuple[tuple[int, ...], type]]:

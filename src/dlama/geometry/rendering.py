@@ -52,22 +52,12 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
-TYPE_OF_RANK = np.zeros(256, np.uint8)
-"""Hole types in rising precedence where several apply (ranks of `dlama.geometry.kernels.drawing.hole_types`), for cv2.LUT."""
-TYPE_OF_RANK[:6] = (
-    HoleType.OUT_OF_VIEW,
-    HoleType.DISOCCLUDED,
-    HoleType.SENSOR,
-    HoleType.FLYING,
-    HoleType.OBJECT,
-    HoleType.CRACK,
-)
+TYPE_OF_RANK = np.pad(np.array(hole_kernels.RISING, np.uint8), (0, 256 - len(hole_kernels.RISING)))
+"""Hole types by rank, for cv2.LUT."""
 SEVERAL = 3
 """Layers from which a scene is one that is drawn into many cameras: what drawing finds of a layer is kept."""
 MOST_AT_ONCE = 2
 """Fills that are drawn at once, each onto a canvas of its own: a canvas takes 21 bytes a pixel."""
-RANK_OF_TYPE = np.array([0, 5, 1, 3, 0, 2, 4], np.uint8)
-"""Rank of each HoleType."""
 
 
 def render(
@@ -217,7 +207,11 @@ def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:
     hole = view.hole
     if not np.array_equal(view.depth > 0, ~hole) or (hole.any() and not has_empty_holes(view)):
         return None
-    kinds = TYPE_OF_RANK[RANK_OF_TYPE].take(view.hole_type) * hole if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
+    kinds = (
+        TYPE_OF_RANK[hole_kernels.RANK_OF_TYPE].take(view.hole_type) * hole
+        if types
+        else hole * np.uint8(HoleType.OUT_OF_VIEW)
+    )
     return dataclasses.replace(view, camera=camera, hole_type=freeze(kinds), frame=None)
 
 
@@ -240,7 +234,7 @@ def drop_overlap(fills: tuple[Layer, ...]) -> tuple[Layer, ...]:
 
 def hole_types(drawn: Drawn, removals: tuple[Layer, ...]) -> UInt8Array:
     """H x W HoleType codes of the empty pixels of a drawn scene; removals: its removed objects."""
-    grids, hole = drawn.grids, drawn.canvas.depth == 0
+    grids, hole, rank_of = drawn.grids, drawn.canvas.depth == 0, hole_kernels.RANK_OF_TYPE
     ranks = np.zeros(hole.shape, np.uint8)
     out = hole_kernels.Holes(hole, cv2.integral(hole.view(np.uint8)), ranks)
     for grid in grids:
@@ -248,15 +242,15 @@ def hole_types(drawn: Drawn, removals: tuple[Layer, ...]) -> UInt8Array:
         if not hole.any():
             break
         if grid.own_camera:
-            np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
+            np.maximum(ranks, rank_of[layer.hole_type], out=ranks, where=hole)
         elif layer.shows_source:
             depth, grid_rank = (close_frame if len(grids) > 1 else close_grid)(layer, removals)
             vertices = transform_depth(depth, grid.way)
-            crack_rank = hole_kernels.CRACK_RANK if grid.mode == "points" else hole_kernels.DISOCCLUDED_RANK
+            crack_rank = int(rank_of[HoleType.CRACK if grid.mode == "points" else HoleType.DISOCCLUDED])
             flying, joined = layer.find_once(find_joints)
             mesh = hole_kernels.ClosedMesh(joined, grid_rank, crack_rank)
             in_bands(hole_kernels.mark_closed_mesh, len(hole), vertices, mesh, box_room(len(hole)), out)
-            hole_kernels.mark_points(vertices, flying, hole_kernels.FLYING_RANK, out)
+            hole_kernels.mark_points(vertices, flying, int(rank_of[HoleType.FLYING]), out)
     return np.asarray(cv2.LUT(ranks, TYPE_OF_RANK) * hole, np.uint8)
 
 

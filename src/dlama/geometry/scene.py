@@ -166,8 +166,7 @@ class Scene:
 
     def _repr_html_(self) -> str:
         cloud = concatenate([lift(layer.load()) for layer in self.layers])
-        cam_from_world = self.frames[0].camera.cam_from_world
-        return point_viewer(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
+        return point_viewer(repr(self), cloud, self.frames[0].camera.cam_from_world)
 
 
 def name_of_number(number: int) -> str:

@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 import dlama
+from dlama.geometry.cloud import concatenate
 from dlama.geometry.figures import show
 from dlama.geometry.figures.html import GAP, LARGEST_SIDE, figure, strip
 from dlama.geometry.figures.points import MOST_POINTS, point_viewer
@@ -83,7 +84,8 @@ def test_points_keep_their_places_and_colours() -> None:
     rng = np.random.default_rng(3)
     points = rng.normal(size=(500, 3)) * (3, 1, 0.5) + (10, 0, 4)
     color = rng.integers(0, 256, (500, 3)).astype(np.uint8)
-    found = packed(point_viewer("p", points, color, np.ones(500, np.uint8), np.ones(500, np.float32)))
+    cloud = dlama.PointCloud(points, color, np.ones(500, np.uint8), np.ones(500, np.float32))
+    found = packed(point_viewer("p", cloud))
     places = found["steps"].reshape(-1, 3).astype(float)
     kept = [int(np.flatnonzero((color == c).all(1))[0]) for c in found["color"].reshape(-1, 3)]
     assert len(kept) == 490  # the nearest 98 % to the middle
@@ -95,13 +97,12 @@ def test_points_keep_their_places_and_colours() -> None:
 def test_points_are_seen_from_the_camera_and_a_sample_of_many_is_drawn() -> None:
     points = np.random.default_rng(0).normal(size=(MOST_POINTS + 7, 3))
     turned = np.diag([-1.0, -1.0, 1.0, 1.0])
-    many = {
-        "color": np.zeros_like(points, np.uint8),
-        "origin": np.ones(len(points), np.uint8),
-        "confidence": np.ones(len(points), np.float32),
-    }
-    content = point_viewer("many", points, **many)
-    other = packed(point_viewer("many", points, **many, cam_from_world=turned))["steps"].reshape(-1, 3).astype(int)
+    count = len(points)
+    cloud = dlama.PointCloud(
+        points, np.zeros((count, 3), np.uint8), np.ones(count, np.uint8), np.ones(count, np.float32)
+    )
+    content = point_viewer("many", cloud)
+    other = packed(point_viewer("many", cloud, turned))["steps"].reshape(-1, 3).astype(int)
     steps = packed(content)["steps"].reshape(-1, 3).astype(int)
     assert f"{MOST_POINTS} points of {len(points)} shown" in content
     assert len(steps) <= MOST_POINTS
@@ -109,9 +110,7 @@ def test_points_are_seen_from_the_camera_and_a_sample_of_many_is_drawn() -> None
 
 
 def test_no_points_say_so() -> None:
-    empty = point_viewer(
-        "cloud", np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.float32)
-    )
+    empty = point_viewer("cloud", concatenate([]))
     assert "no points" in empty and "iframe" not in empty
 
 

@@ -45,9 +45,7 @@ def show(
         check_count(max_points, "max_points")
         cloud, camera, note = points_in(what)
         pose = None if camera is None else camera.cam_from_world
-        content = point_viewer(
-            str(what), cloud.points, cloud.color, cloud.origin, cloud.confidence, pose, most=max_points, size=WINDOW
-        )
+        content = point_viewer(str(what), cloud, pose, most=max_points, size=WINDOW)
         page = show_page(content, output, open_browser)
         line = f"{page}: {format_count(len(cloud), 'point')} of {what}{note}"
         result.add(line, shown=str(what), page=str(page), points=len(cloud))

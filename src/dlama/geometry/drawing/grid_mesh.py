@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.codes import HoleType, Origin, has_code
 from dlama.geometry.depth_noise import LINES, REACH, noise_of_lines, noise_to_average
 from dlama.geometry.drawing.picture_edges import align_edges, behind_edges, edge_ratio
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels import depth_edges as edges
-from dlama.geometry.kernels.drawing import hole_types as hole_kernels
+from dlama.geometry.kernels.drawing.hole_types import RANK_OF_TYPE
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.kernels.smoothing import average_pairs
 from dlama.geometry.projection import inverse_depth
@@ -115,9 +115,8 @@ def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, U
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
     """
     depth = view.known_depth
-    rank = np.zeros(depth.shape, np.uint8)
-    rank[view.hole & (view.hole_type == HoleType.SENSOR.value)] = hole_kernels.SENSOR_RANK
-    rank[view.object_hole] = hole_kernels.OBJECT_RANK
+    ranked = view.hole & has_code(view.hole_type, HoleType.SENSOR, HoleType.OBJECT)
+    rank = RANK_OF_TYPE.take(view.hole_type) * ranked
     for removed in removals:
         if removed.camera.same_view_as(view.camera):
             part = removed.load()

@@ -7,12 +7,16 @@ import html
 import json
 from pathlib import Path
 from string import Template
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
 from dlama.geometry.motion.poses import transform_points
+
+if TYPE_CHECKING:
+    from dlama.geometry.cloud import PointCloud
 
 PAGE = Path(__file__).parents[2] / "assets" / "figures" / "points.html"
 MOST_POINTS = 20_000
@@ -23,21 +27,19 @@ FRAME = "width:100%;max-width:720px;height:420px"
 
 def point_viewer(
     title: str,
-    points: NDArray[np.float64],
-    color: NDArray[np.uint8],
-    origin: NDArray[np.uint8],
-    confidence: NDArray[np.float32],
+    cloud: PointCloud,
     cam_from_world: NDArray[np.float64] | None = None,
     *,
     most: int = MOST_POINTS,
     size: str = FRAME,
 ) -> str:
-    """HTML of N x 3 points (metres) with colours (N x 3, RGB), Origin codes (N) and confidences (N, 0..1).
+    """HTML of a cloud.
 
     Drag turns them, the wheel moves nearer; buttons show picture, origin or confidence. `cam_from_world` (4 x 4) says from
     where they are seen first, by default from the world's origin along z. Of more than `most` a sample is drawn. `size`: of
     the frame, as CSS.
     """
+    points = cloud.points
     if not len(points):
         return f"<div><code>{html.escape(title)}</code>: no points to show</div>"
     pose = np.eye(4) if cam_from_world is None else np.asarray(cam_from_world, np.float64)
@@ -53,9 +55,9 @@ def point_viewer(
     steps = np.rint(((seen[near] - middle) / scale + 1) / 2 * 65535).astype("<u2")
     fields = {
         "steps": steps,
-        "color": color[drawn][near],
-        "origin": np.array(ORIGIN_PALETTE, np.uint8)[origin[drawn][near]],
-        "confidence": np.rint(np.clip(confidence[drawn][near], 0, 1) * 255).astype(np.uint8),
+        "color": cloud.color[drawn][near],
+        "origin": np.array(ORIGIN_PALETTE, np.uint8)[cloud.origin[drawn][near]],
+        "confidence": np.rint(np.clip(cloud.confidence[drawn][near], 0, 1) * 255).astype(np.uint8),
     }
     packed = {name: base64.b64encode(np.ascontiguousarray(value).tobytes()).decode() for name, value in fields.items()}
     # a step back: the whole scene is seen

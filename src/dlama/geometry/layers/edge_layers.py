@@ -6,6 +6,8 @@ cameras leaves slivers for those between them. The layer lies behind everything,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,7 @@ BEHIND = np.float32(0.98)
 """Of its inverse depth, by which the layer lies behind what it continues: it shows where nothing else does."""
 CONFIDENCE = np.float32(0.2)
 STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0))
+"""Rows and columns to the neighbours: to the right, left, down and up."""
 
 
 def continue_under_edges(view: View, reach: int, least: float = 0.0) -> tuple[View, BoolArray]:
@@ -34,9 +37,11 @@ def continue_under_edges(view: View, reach: int, least: float = 0.0) -> tuple[Vi
         return view, np.zeros(depth.shape, bool)
     nearest = nearest_known(depth > 0)[1]
     w = inverse_depth(depth.ravel()[nearest])
-    behind, source = find_seeds(w, joined, nearest)
+    right, down = ((joined & bit) == 0 for bit in (RIGHT, DOWN))
+    cuts = right, shift_plane(right, (0, -1), False), down, shift_plane(down, (-1, 0), False)
+    behind, source = spread(w, nearest, w, np.full(w.shape, np.inf, np.float32), cuts)
     for _ in range(reach - 1):
-        behind, source = spread(behind, source, w)
+        behind, source = spread(behind, source, w, behind)
     added = np.isfinite(behind)
     color = view.color.reshape(-1, 3)[source]
     layer = view.with_planes(
@@ -52,35 +57,28 @@ def continue_under_edges(view: View, reach: int, least: float = 0.0) -> tuple[Vi
 
 
 def shift_plane(plane: np.ndarray, step: tuple[int, int], outside: float) -> np.ndarray:
-    """H x W: of each pixel the value of the one a step (rows, columns) away; beyond the border `outside`."""
-    out = np.full_like(plane, outside)
-    to, of = (
-        [slice(max(0, -d), n - max(0, d)) for d, n in zip(way, plane.shape)] for way in (step, [-d for d in step])
-    )
-    out[tuple(to)] = plane[tuple(of)]
-    return out
+    """H x W: of each pixel the value of the neighbour at a step (rows, columns); beyond the border `outside`."""
+    (rows, columns), (down, right) = plane.shape, step
+    return np.pad(plane, 1, constant_values=outside)[1 + down : 1 + down + rows, 1 + right : 1 + right + columns]
 
 
-def find_seeds(w: Float32Array, joined: np.ndarray, source: NDArray[np.intp]) -> tuple[Float32Array, NDArray[np.intp]]:
-    """H x W: inverse depth (1/m) of what continues under the pixels on the near side of a depth edge, elsewhere +inf; and which
-    pixel (flat index) it continues. source: of each pixel of `w` the one that it was read from."""
-    behind, continued = np.full(w.shape, np.inf, np.float32), source
-    for (down, right), bit in (((0, 1), RIGHT), ((1, 0), DOWN)):
-        apart = (joined & bit) == 0
-        for step, cut in (((down, right), apart), ((-down, -right), shift_plane(apart, (-down, -right), False))):
-            other = shift_plane(w, step, np.inf)
-            better = cut & (other < w * BEHIND) & (other < behind)
-            behind = np.where(better, other, behind)
-            continued = np.where(better, shift_plane(source, step, 0), continued)
-    return behind, continued
+def spread(
+    farther: Float32Array,
+    source: NDArray[np.intp],
+    w: Float32Array,
+    found: Float32Array,
+    cuts: Sequence[BoolArray | bool] = (True,) * len(STEPS),
+) -> tuple[Float32Array, NDArray[np.intp]]:
+    """H x W: inverse depth (1/m, +inf where there is none) of what continues from a neighbour under a pixel, behind what is seen
+    there (w) and what was `found` for it; and which pixel (flat index) it continues.
 
-
-def spread(behind: Float32Array, source: NDArray[np.intp], w: Float32Array) -> tuple[Float32Array, NDArray[np.intp]]:
-    """The same one pixel further, where it stays behind what is seen (w)."""
-    found, from_where = behind, source
-    for step in STEPS:
-        other = shift_plane(behind, step, np.inf)
-        better = (other < w * BEHIND) & (other < found)
+    farther: of each pixel what may continue; source: the pixel that it continues; cuts: H x W, for each of STEPS where there is
+    an edge.
+    """
+    continued = source
+    for step, cut in zip(STEPS, cuts):
+        other = shift_plane(farther, step, np.inf)
+        better = cut & (other < w * BEHIND) & (other < found)
         found = np.where(better, other, found)
-        from_where = np.where(better, shift_plane(source, step, 0), from_where)
-    return found, from_where
+        continued = np.where(better, shift_plane(source, step, 0), continued)
+    return found, continued

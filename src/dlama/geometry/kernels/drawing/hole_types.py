@@ -11,16 +11,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.codes import HoleType
 from dlama.geometry.kernels.drawing.chunks import CHUNK, Box, Vertices, box_at, chunk_boxes, chunk_meets, marked_within
 from dlama.geometry.kernels.drawing.rasterize import quad_sides
 from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 
-DISOCCLUDED_RANK = 1
-SENSOR_RANK = 2
-FLYING_RANK = 3
-OBJECT_RANK = 4
-CRACK_RANK = 5
+RISING = (
+    HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.SENSOR, HoleType.FLYING, HoleType.OBJECT, HoleType.CRACK
+)  # fmt: skip
+"""Hole types in rising precedence where several apply: the place of each is its rank."""
+RANK_OF_TYPE = np.array([0, *map(RISING.index, range(1, len(HoleType)))], np.uint8)
+DISOCCLUDED_RANK = RISING.index(HoleType.DISOCCLUDED)
 
 Place = tuple[Real, Real]
 """x, y."""
