@@ -13,7 +13,7 @@ from dlama.geometry.codes import from_filler
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
 from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
-from dlama.geometry.frames.stored import BoxedView, Layer, StoredView, load_aside
+from dlama.geometry.frames.stored import BoxedView, Layer, StoredView
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene
@@ -145,9 +145,5 @@ def layer_above(layer: Layer, min_confidence: float) -> Layer:
     if kept is view:
         return layer
     if isinstance(layer, StoredView):
-        return layer.made_by(_load_above, min_confidence, first=kept)
+        return layer.made_by(above_confidence, min_confidence, first=kept)
     return kept
-
-
-def _load_above(stored: StoredView, min_confidence: float) -> View:
-    return above_confidence(load_aside(stored), min_confidence)

@@ -7,16 +7,13 @@ import html
 import json
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
 from dlama.geometry.motion.poses import transform_points
-
-if TYPE_CHECKING:
-    from dlama.geometry.cloud import PointCloud
 
 PAGE = Path(__file__).parents[2] / "assets" / "figures" / "points.html"
 MOST_POINTS = 20_000
@@ -27,13 +24,13 @@ FRAME = "width:100%;max-width:720px;height:420px"
 
 def point_viewer(
     title: str,
-    cloud: PointCloud,
+    cloud: Any,
     cam_from_world: NDArray[np.float64] | None = None,
     *,
     most: int = MOST_POINTS,
     size: str = FRAME,
 ) -> str:
-    """HTML of a cloud.
+    """HTML of a PointCloud, which shows itself by it.
 
     Drag turns them, the wheel moves nearer; buttons show picture, origin or confidence. `cam_from_world` (4 x 4) says from
     where they are seen first, by default from the world's origin along z. Of more than `most` a sample is drawn. `size`: of

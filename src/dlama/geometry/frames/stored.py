@@ -95,8 +95,8 @@ class StoredView(Facts):
         return view
 
     def made_by(self, make: Callable[..., View], *more: Any, first: View | None = None) -> StoredView:
-        """What `make` gives for this layer and more, made when it is needed; first: as of `__init__`."""
-        return StoredView(self.camera, partial(make, self, *more), self.cache, first)
+        """What `make` gives for the view and more, made when it is needed; first: as of `__init__`."""
+        return StoredView(self.camera, partial(make_aside, self, make, *more), self.cache, first)
 
     def without(self, where: BoolArray, hole_type: HoleType) -> StoredView:
         """As `View.without`; of `where` a bit each is held."""
@@ -104,7 +104,7 @@ class StoredView(Facts):
 
     def without_filled_depth(self) -> StoredView:
         """As `View.without_filled_depth`."""
-        return self.made_by(without_filled_depth) if self.has_filled_depth else self
+        return self.made_by(View.without_filled_depth) if self.has_filled_depth else self
 
 
 class BoxedView(StoredView):
@@ -142,8 +142,8 @@ Layer = View | StoredView
 
 
 def make_of(layer: Layer, make: Callable[..., View], *more: Any) -> Layer:
-    """What `make` gives for a layer and more: at once, or, of a stored one, when its pixels are needed. A boxed one gives it the
-    part, of which it may look at each pixel alone."""
+    """What `make` gives for a layer's view and more: at once, or, of a stored one, when its pixels are needed. A boxed one
+    gives it the part, of which it may look at each pixel alone."""
     if isinstance(layer, BoxedView):
         return BoxedView(layer.camera, make_of(layer.part, make, *more))
     return layer.made_by(make, *more) if isinstance(layer, StoredView) else make(layer, *more)
@@ -154,19 +154,14 @@ def cache_of(layers: Iterable[Layer]) -> PixelCache:
     return next((layer.cache for layer in layers if isinstance(layer, StoredView)), PixelCache())
 
 
-def load_aside(layer: Layer) -> View:
-    """A layer's view for another one that is made of it: no cache keeps it, for the other one is asked for instead."""
-    return layer.load(keep=False) if isinstance(layer, StoredView) else layer
+def make_aside(stored: StoredView, make: Callable[..., View], *more: Any) -> View:
+    """What `make` gives for a stored view and more: no cache keeps that view, for what is made of it is asked for instead."""
+    return make(stored.load(keep=False), *more)
 
 
-def without_filled_depth(stored: StoredView) -> View:
-    """`View.without_filled_depth` of a stored view."""
-    return load_aside(stored).without_filled_depth()
-
-
-def without_bits(stored: StoredView, bits: UInt8Array, hole_type: HoleType) -> View:
-    """`View.without` of a stored view, of a region as `numpy.packbits` packs it."""
-    return load_aside(stored).without(unpack_bits(bits, stored.camera), hole_type)
+def without_bits(view: View, bits: UInt8Array, hole_type: HoleType) -> View:
+    """`View.without`, of a region as `numpy.packbits` packs it."""
+    return view.without(unpack_bits(bits, view.camera), hole_type)
 
 
 def unpack_bits(bits: UInt8Array, camera: Camera) -> BoolArray:

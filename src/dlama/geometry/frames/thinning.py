@@ -10,7 +10,7 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_depth_around
-from dlama.geometry.frames.stored import Layer, load_aside, make_of, unpack_bits
+from dlama.geometry.frames.stored import Layer, make_of, unpack_bits
 from dlama.geometry.holes import dilate_square, morphological_open, square
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.kernels.visibility import Compared, drop_redundant
@@ -51,17 +51,16 @@ def count_points(layer: Layer) -> int:
     return int(contribution(layer.load_part()).sum())
 
 
-def brighten_layer(layer: Layer, gain: Float64Array) -> View:
+def brighten_layer(view: View, gain: Float64Array) -> View:
     """A layer in the scene's brightness."""
-    view = load_aside(layer)
     return view.with_planes(color=brighten(view.color, gain))
 
 
-def keep_new_points(frame: Layer, bits: UInt8Array, gain: Float64Array) -> View:
+def keep_new_points(frame: View, bits: UInt8Array, gain: Float64Array) -> View:
     """A frame in the scene's brightness with the pixels `bits` (H x W bool, as `numpy.packbits` packs it) and a rim of one."""
     added = unpack_bits(bits, frame.camera)
     ring = dilate_square(added, 3)
-    layer = load_aside(frame).without(~ring, HoleType.NONE)
+    layer = frame.without(~ring, HoleType.NONE)
     origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
     return dataclasses.replace(layer, origin=origin, color=brighten(layer.color, gain))
 
