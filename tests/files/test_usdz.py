@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from dlama.errors import MissingExtraError
-from dlama.files.scenes.usdz import USD_FROM_OPENCV, write_usdz
+from dlama.files.scenes.usdz import write_usdz
 from dlama.geometry.cloud import Mesh
 from dlama.geometry.layers.layered_mesh import MeshPart
 
@@ -43,7 +43,7 @@ def test_what_is_read_back_is_what_was_written(tmp_path: Path) -> None:
         mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/photo/{name}"))
         world = UsdGeom.XformCache().GetLocalToWorldTransform(mesh.GetPrim())
         points = [tuple(world.Transform(point)) for point in mesh.GetPointsAttr().Get()]
-        np.testing.assert_allclose(points, one.mesh.vertices * USD_FROM_OPENCV, atol=1e-6)
+        np.testing.assert_allclose(points, one.mesh.vertices * (1, -1, -1), atol=1e-6)
         uv = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").Get())
         np.testing.assert_allclose(uv, [[0, 1], [1, 1], [1, 0], [0, 0]], atol=1e-6)
         assert np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3).tolist() == one.mesh.triangles.tolist()

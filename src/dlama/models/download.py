@@ -10,6 +10,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from http import HTTPStatus
 from pathlib import Path
 from typing import IO, Any, TypeAlias
 
@@ -22,8 +23,6 @@ SILENT_SECONDS = 30.0
 PIECE = 1 << 18
 LONGEST = 4 << 30
 TRIES = 4
-RANGE_REFUSED = 416
-PARTIAL = 206
 
 
 class Unusable(Exception):
@@ -131,7 +130,7 @@ def _announced(url: str, response: Any, start_at: int, size: int | None) -> tupl
     headers = response.headers
     if headers.get_content_type() == "text/html" and "Content-Type" in headers:
         raise Unusable("a web page came instead of the file (moved, or a login is asked for)")
-    length, start = headers.get("Content-Length", ""), start_at if response.status == PARTIAL else 0
+    length, start = headers.get("Content-Length", ""), start_at if response.status == HTTPStatus.PARTIAL_CONTENT else 0
     total = start + int(length) if length.isdecimal() else None
     if size is not None and total is not None and total != size:
         raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
@@ -144,7 +143,7 @@ def _name_failures(part: Path) -> Iterator[None]:
         yield
     except urllib.error.HTTPError as error:
         error.close()
-        if error.code == RANGE_REFUSED:
+        if error.code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
             part.unlink(missing_ok=True)
             raise _BrokeOff("what had arrived before does not fit its file") from error
         words = {404: "moved or gone", 410: "gone", 401: "a login is asked for", 403: "access refused"}

@@ -20,10 +20,6 @@ from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 
 JPEG_BEGINS = b"\xff\xd8\xff"
 STANDARD, EXTENSION = b"http://ns.adobe.com/xap/1.0/\0", b"http://ns.adobe.com/xmp/extension/\0"
-GUID_AND_SIZES = 40
-"""Bytes before the text of an extension segment: GUID (32), whole length and place (4 each)."""
-ENTRY = 16
-"""Bytes of an MP Entry: attribute, size, offset (4 each), two numbers of dependent pictures (2 each)."""
 STEREO = 0x020002
 """Type code of a picture of a stereo pair ("disparity")."""
 PACKET = re.compile(rb"<x:xmpmeta.*?</x:xmpmeta>", re.DOTALL)
@@ -83,8 +79,9 @@ def list_further_pictures(data: bytes) -> list[Item]:
     """The pictures after the first of a Multi-Picture JPEG; empty for other files. struct.error: its index is damaged."""
     base, order, tags = _multi_picture(data)
     entries = tags.get(0xB002, b"")  # MP Entry
-    listed = [struct.unpack_from(order + "III", entries, at) for at in range(0, len(entries) - ENTRY + 1, ENTRY)]
-    places = [(kind & 0xFFFFFF, base + offset, size) for kind, size, offset in listed if offset]
+    entry = struct.Struct(order + "IIIHH")  # attribute, size, offset, two numbers of dependent pictures
+    listed = entry.iter_unpack(entries[: len(entries) // entry.size * entry.size])
+    places = [(kind & 0xFFFFFF, base + offset, size) for kind, size, offset, *_ in listed if offset]
     return [Item(kind, data[at : at + size]) for kind, at, size in places]
 
 
@@ -116,9 +113,8 @@ def _jpeg_packets(data: bytes) -> Iterator[bytes]:
         if segment.startswith(STANDARD):
             yield segment[len(STANDARD) :]
         elif segment.startswith(EXTENSION):
-            head = segment[len(EXTENSION) : len(EXTENSION) + GUID_AND_SIZES]
-            place = int.from_bytes(head[36:40], "big")
-            chunks.setdefault(head[:32], {})[place] = segment[len(EXTENSION) + GUID_AND_SIZES :]
+            part = segment[len(EXTENSION) :]  # GUID (32 bytes), whole length and place (4 each), text
+            chunks.setdefault(part[:32], {})[int.from_bytes(part[36:40], "big")] = part[40:]
     for parts in chunks.values():
         yield b"".join(parts[place] for place in sorted(parts))
 

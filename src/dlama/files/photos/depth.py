@@ -156,7 +156,7 @@ def _of_apple(codes: np.ndarray, packet: Xmp, orientation: int, hw: tuple[int, i
     about |= {name: value for name, value in stated.items() if value is not None}
     if low is None or high is None or high <= low:
         return PhotoDepth(_inverse(_levels(codes), inverse), False, camera, about=about)
-    first, last = first or 0.0, last or float(_largest_code(codes))
+    first, last = first or 0.0, last or float(np.iinfo(codes.dtype).max)
     values = (low + (codes - first) * ((high - low) / (last - first))).astype(np.float32)
     far, unit = (codes <= first, "1/m") if inverse else (codes >= last, "m")
     about |= {"range": [low, high], "unit": unit, **_far_limit(far)}
@@ -260,13 +260,9 @@ def _decode(file: Path, data: bytes) -> np.ndarray:
     return codes.astype(np.uint16) if codes.dtype == np.int32 else codes
 
 
-def _largest_code(codes: np.ndarray) -> int:
-    return 65535 if codes.dtype == np.uint16 else 255
-
-
 def _levels(codes: np.ndarray) -> Float32Array:
     """Codes as 0..1."""
-    return codes.astype(np.float32) / np.float32(_largest_code(codes))
+    return codes.astype(np.float32) / np.float32(np.iinfo(codes.dtype).max)
 
 
 def _inverse(values: Float32Array, inverse: bool) -> Float32Array:

@@ -14,13 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
+from PIL import ExifTags, Image
 
 from dlama.errors import FileError, any_error, import_extra, system_errors
 from dlama.files.rasters.color_profiles import to_srgb
 from dlama.files.rasters.orientation import (
     BIG_TIFF_HEADS,
-    EXIF_ORIENTATION,
     TIFF_HEADS,
     apply_orientation,
     decoder_orientation,
@@ -30,7 +29,6 @@ from dlama.files.rasters.sixteen_bits import bits_of, decode_16_bits, describe_t
 from dlama.writing.atomic_write import NO_HOME, PathLike, begins_at_home
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
-EXIF_FOCAL_35MM = 0xA405
 LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
 HEIC = re.compile(rb"....ftyp(hei|mif1)", re.DOTALL)
@@ -254,8 +252,8 @@ def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
 def _exif(picture: Image.Image) -> tuple[int, float | None]:
     try:
         tags = picture.getexif()
-        orientation = tags.get(EXIF_ORIENTATION, 1)
-        focal = tags.get_ifd(0x8769).get(EXIF_FOCAL_35MM) or tags.get(EXIF_FOCAL_35MM)
+        orientation, key = tags.get(ExifTags.Base.Orientation, 1), ExifTags.Base.FocalLengthIn35mmFilm
+        focal = tags.get_ifd(ExifTags.IFD.Exif).get(key) or tags.get(key)
     except Exception:  # unreadable tags are ignored; the pixels are whole
         return 1, None
     focal = float(focal) if isinstance(focal, (int, float)) and focal > 0 else None

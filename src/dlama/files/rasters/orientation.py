@@ -5,9 +5,8 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-from PIL import Image
+from PIL import ExifTags, Image
 
-EXIF_ORIENTATION = 0x0112
 TIFF_HEADS = {b"II*\0": "<", b"MM\0*": ">"}
 """First bytes of a TIFF, and its byte order as `struct` calls it."""
 BIG_TIFF_HEADS = {b"II+\0": "<"}
@@ -37,7 +36,7 @@ def reset_orientation(data: bytes) -> tuple[bytes, int]:
     entry = to_value + struct.calcsize(f"={offset}")
     for at in range(first, first + entry * count, entry):  # tag, type, count, value (TIFF 6.0, sec. 2; BigTIFF)
         tag, kind, number = struct.unpack_from(order + head, data, at)
-        if tag == EXIF_ORIENTATION and kind in TIFF_WHOLE and number == 1:
+        if tag == ExifTags.Base.Orientation and kind in TIFF_WHOLE and number == 1:
             layout, place = order + TIFF_WHOLE[kind], at + to_value
             (value,) = struct.unpack_from(layout, data, place)
             patched = data[:place] + struct.pack(layout, 1) + data[place + struct.calcsize(layout) :]

@@ -16,8 +16,6 @@ from dlama.geometry.rgbd import UInt8Array
 
 GLTF_FROM_OPENCV = np.array([1.0, -1.0, -1.0])
 """glTF: x right, y up, looking along -z. A half turn about x, so nothing is mirrored."""
-HEAD, JSON, BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
-"""`glTF`, and the kinds of chunks."""
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 COMPONENTS = {"<u2": 5123, "<u4": 5125, "<f4": 5126}
 SHORT_VERTICES = 65535
@@ -42,10 +40,10 @@ class Glb:
         stated = {name: value for name, value in self.document.items() if value != []}
         text = json.dumps(stated, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
-        chunks: list[bytes | bytearray] = [struct.pack("<II", len(text), JSON), text]
+        chunks: list[bytes | bytearray] = [struct.pack("<I4s", len(text), b"JSON"), text]
         if self.bytes:
-            chunks += [struct.pack("<II", len(self.bytes), BINARY), self.bytes]
-        return [struct.pack("<III", HEAD, 2, 12 + sum(map(len, chunks))), *chunks]
+            chunks += [struct.pack("<I4s", len(self.bytes), b"BIN\0"), self.bytes]
+        return [struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, chunks))), *chunks]
 
     def add_material(self, picture: UInt8Array, kind: str, **options: int) -> None:
         """An unlit material, which the meshes that are added next have; its texture is a picture in a file of that kind."""

@@ -13,7 +13,6 @@ from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.splats import FIELDS
 from dlama.writing.atomic_write import PathLike, write_file
 
-MAGIC, VERSION = 0x5053474E, 3
 COLOR_SCALE = 0.15
 """Levels of f_dc, of 255: more than the harmonic of degree 0, so that colours beyond 0..1 can be stored."""
 FINEST = 14
@@ -38,7 +37,7 @@ def write_spz(path: PathLike, rows: np.ndarray) -> None:
     color = take("f_dc_0", "f_dc_1", "f_dc_2") * (COLOR_SCALE * 255) + 127.5
     scales = (take("scale_0", "scale_1", "scale_2") + 10) * 16
     turned = take("rot_1", "rot_2", "rot_3", "rot_0") * (*GLTF_FROM_OPENCV, 1)
-    header = struct.pack("<IIIBBBB", MAGIC, VERSION, len(rows), 0, bits, 0, 0)
+    header = struct.pack("<4sIIBBBB", b"NGSP", 3, len(rows), 0, bits, 0, 0)
     body = b"".join(
         part.tobytes()
         for part in (

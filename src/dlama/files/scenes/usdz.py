@@ -21,8 +21,6 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.layers.layered_mesh import MeshPart
 from dlama.writing.atomic_write import PathLike, new_file
 
-USD_FROM_OPENCV = GLTF_FROM_OPENCV
-"""Both have x right, y up, and look along -z."""
 ROOT = "/photo"
 
 
@@ -59,12 +57,12 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
 
 
 def set_up_stage(stage: Any, middle: Float64Array) -> None:
-    """Metres, y up, one root, which stands where `middle` is (metres): the camera is the origin."""
+    """Metres, y up, axes as glTF has them, one root, which stands where `middle` is (metres): the camera is the origin."""
     geometry = _usd("UsdGeom")
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
     geometry.SetStageMetersPerUnit(stage, 1.0)
     root = geometry.Xform.Define(stage, ROOT)
-    root.AddTranslateOp().Set(tuple((middle * USD_FROM_OPENCV).tolist()))
+    root.AddTranslateOp().Set(tuple((middle * GLTF_FROM_OPENCV).tolist()))
     stage.SetDefaultPrim(root.GetPrim())
 
 
@@ -82,7 +80,7 @@ def add_mesh(stage: Any, name: str, part: MeshPart, middle: Float64Array, file: 
     mesh, picture = part.mesh, part.picture
     geometry, sdf, types = _usd("UsdGeom"), _usd("Sdf"), _usd("Vt")
     shape = geometry.Mesh.Define(stage, f"{ROOT}/{name}")
-    points = ((mesh.vertices - middle) * USD_FROM_OPENCV).astype(np.float32)
+    points = ((mesh.vertices - middle) * GLTF_FROM_OPENCV).astype(np.float32)
     shape.CreatePointsAttr(types.Vec3fArray.FromNumpy(np.ascontiguousarray(points)))
     shape.CreateExtentAttr(types.Vec3fArray.FromNumpy(np.stack([points.min(0), points.max(0)])))
     shape.CreateFaceVertexCountsAttr(types.IntArray.FromNumpy(np.full(len(mesh.triangles), 3, np.int32)))
