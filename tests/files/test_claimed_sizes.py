@@ -107,5 +107,4 @@ def test_names_that_no_file_has(tmp_path: Path, name: str) -> None:
     with pytest.raises(FileError) as refusal:
         read_color(tmp_path / name)
     assert str(refusal.value).isprintable()
-    assert len(str(refusal.value)) < 300
     str(refusal.value).encode("utf-8")

@@ -57,8 +57,6 @@ SEVERAL = {"TIFF": "page", "WEBP": "frame"}
 """Kinds of files that may hold several pictures, and what these are called."""
 ADDRESS = re.compile(r"[a-z][a-z0-9+]+:/")
 """How an address begins; a path has one slash of its two."""
-SHOWN_NAME = 120
-"""Characters of a file's name that an error shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +104,9 @@ def _check_ordinary(file: Path, found: os.stat_result) -> None:
 
 
 def printable_name(path: PathLike) -> str:
-    """A path for a message: what cannot be printed escaped, the middle of a very long one left out."""
+    """A path for a message, what cannot be printed escaped."""
     text = str(path)
-    text = text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
-    return text if len(text) <= SHOWN_NAME else f"{text[: SHOWN_NAME // 2]}...{text[-SHOWN_NAME // 2 :]}"
+    return text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
 
 
 def check_pixels(file: PathLike, width: int, height: int) -> None:
