@@ -14,7 +14,7 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import invert_pose
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.diagnosis.finding import Observed
-from dlama.perception.diagnosis.frames.poses import BODY, GL, LEFT_HANDED, Undo, reorder_quaternion
+from dlama.perception.diagnosis.poses import BODY, GL, LEFT_HANDED, Undo, reorder_quaternion
 
 FULL = 65535
 MM = 1000.0

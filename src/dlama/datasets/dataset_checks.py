@@ -19,8 +19,8 @@ from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import InputError, format_count
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.diagnosis.finding import Finding, Observed
-from dlama.perception.diagnosis.frames.landing import SmallFrame, shrink
-from dlama.perception.diagnosis.frames.odd_frames import check_sizes, compare_frames
+from dlama.perception.diagnosis.odd_frames import check_sizes, compare_frames
+from dlama.perception.diagnosis.poses import SmallFrame, shrink
 from dlama.perception.diagnosis.rgbd_checks import describe_frame, run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.workers.progress import log_messages

@@ -1,4 +1,4 @@
-"""Checks of stereo pairs and of poses (oracle: the corruption that was put in; good inputs have none)."""
+"""Checks of poses (oracle: the corruption that was put in; good inputs have none)."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ import dlama
 from corruptions import POSES, moved
 from dlama.datasets.layouts import open_dataset
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.diagnosis.frames.landing import shrink
-from dlama.perception.diagnosis.frames.poses import check_poses, mean_fit, reorder_quaternion
-from dlama.perception.diagnosis.stereo_pair import check_pair
+from dlama.perception.diagnosis.poses import check_poses, mean_fit, reorder_quaternion, shrink
 from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.world import World
 from marks import first_quick
@@ -30,44 +28,6 @@ needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DL
 @cache
 def world(seed: int) -> World:
     return build(seed, None, ())
-
-
-@cache
-def pair(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    rig = world(seed).rig(size=320)
-    return world(seed).raycast(rig.left).color, world(seed).raycast(rig.right).color
-
-
-def checks(left: np.ndarray, right: np.ndarray, doffs: float = 0.0) -> list[str]:
-    return [each.check for each in check_pair(left, right, doffs) if each.severity == "fault"]
-
-
-def test_pairs() -> None:
-    """One of each kind; `find_pair_fault` has more, by the same corners."""
-    left, right = pair(3)
-    assert check_pair(left, right) == []
-    assert checks(right, left) == ["swapped-pair"]
-    assert checks(left, left) == ["identical-pair"]
-    assert checks(left, pair(103)[1]) == ["unrelated-pair"]
-    assert checks(left, right[:, ::-1]) == ["mirrored-pair"]
-    assert checks(left, right[::-1, ::-1]) == ["turned-pair"]
-    assert checks(left, np.ascontiguousarray(right[..., ::-1])) == ["channels-pair"]
-
-
-def test_rows_that_are_off_are_counted() -> None:
-    """Oracle: by how much the right picture was rolled down."""
-    left, right = pair(3)
-    for px in (5, 30):
-        (finding,) = check_pair(left, np.roll(right, px, 0))
-        assert finding.mend.startswith(f"move the right picture up by {px}.0 px")
-
-
-def test_exposure_of_a_pair_is_a_note() -> None:
-    left, right = pair(3)
-    (finding,) = check_pair(left, (right * 0.6).astype(np.uint8))
-    assert (finding.check, finding.severity) == ("exposure", "note") and " 0.6" in finding.what
-    (finding,) = check_pair(left, np.clip(right * 3.0, 0, 255).astype(np.uint8))
-    assert (finding.check, finding.mend) == ("exposure", "expose both alike") and "is white" in finding.what
 
 
 @cache
@@ -180,10 +140,3 @@ def test_poses_far_from_the_origin_are_checked() -> None:
         )
         == 0
     )
-
-
-@pytest.mark.parametrize("hw", [(1, 1), (4, 300), (62, 200)])
-def test_pairs_too_small_for_corners_say_nothing(hw: tuple[int, int]) -> None:
-    rng = np.random.default_rng(0)
-    left, right = (rng.integers(0, 255, (*hw, 3), np.uint8) for _ in range(2))
-    assert checks(left, right) == []

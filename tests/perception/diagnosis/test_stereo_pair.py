@@ -1,4 +1,4 @@
-"""What is noticed of pairs that are none: a good pair corrupted on purpose (that is the oracle); good ones raise no doubt."""
+"""Findings on pairs: a good pair corrupted on purpose (that is the oracle); good ones raise no doubt."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ import pytest
 
 import dlama
 from dlama.errors import InputError
-from dlama.perception.stereo.checks import find_many_unmatched, find_pair_fault, match_corners, refuse_identical
+from dlama.perception.diagnosis.stereo_pair import (
+    check_pair,
+    find_many_unmatched,
+    find_pair_fault,
+    match_corners,
+    refuse_identical,
+)
 
 Array = np.ndarray
 KNOWN = np.ones((512, 512), np.float32)
@@ -31,7 +37,7 @@ def turned(picture: Array, degrees: float) -> Array:
 def test_a_good_pair_raises_no_doubt() -> None:
     """Law: rows match and objects are farther left in the right picture."""
     left, right = demo()
-    assert find_pair_fault(left, right, KNOWN) is None
+    assert find_pair_fault(left, right, KNOWN) is None and check_pair(left, right) == []
     offsets = match_corners(left, right).offsets
     assert len(offsets) > 300 and np.median(abs(offsets[:, 1])) < 0.3 and (offsets[:, 0] > 0).mean() > 0.9
 
@@ -45,20 +51,20 @@ def test_middlebury_raises_no_doubt(data_dir: Path, name: str) -> None:
 
 
 Pair = Callable[[Array, Array], tuple[Array, Array]]
-FAULTS: dict[str, tuple[Pair, str]] = {
-    "swapped": (lambda left, right: (right, left), "swapped"),
-    "exchanged channels, right": (lambda left, right: (left, right[..., ::-1]), "BGR read as RGB"),
-    "exchanged channels, left": (lambda left, right: (left[..., ::-1], right), "BGR read as RGB"),
-    "3 px down": (lambda left, right: (left, np.roll(right, 3, 0)), "rectified"),
-    "turned by 1 degree": (lambda left, right: (left, turned(right, 1)), "rectified"),
-    "turned by -0.7 degrees": (lambda left, right: (left, turned(right, -0.7)), "rectified"),
-    "60 px down": (lambda left, right: (left, np.roll(right, 60, 0)), "their corners lie 60"),
-    "45 px up": (lambda left, right: (left, np.roll(right, -45, 0)), "their corners lie 45"),
-    "mirrored right": (lambda left, right: (left, np.fliplr(right)), "mirrored"),
-    "mirrored left": (lambda left, right: (np.fliplr(left), right), "mirrored"),
-    "upside down": (lambda left, right: (left, np.flipud(right)), "mirrored"),
-    "quarter turn": (lambda left, right: (left, np.rot90(right)), "turned by 90 degrees"),
-    "half turn": (lambda left, right: (left, np.rot90(right, 2)), "turned by 180 degrees"),
+FAULTS: dict[str, tuple[Pair, str, str]] = {
+    "swapped": (lambda left, right: (right, left), "swapped", "swapped"),
+    "exchanged channels, right": (lambda left, right: (left, right[..., ::-1]), "channels", "BGR read as RGB"),
+    "exchanged channels, left": (lambda left, right: (left[..., ::-1], right), "channels", "BGR read as RGB"),
+    "3 px down": (lambda left, right: (left, np.roll(right, 3, 0)), "unrectified", "rectified"),
+    "turned by 1 degree": (lambda left, right: (left, turned(right, 1)), "unrectified", "rectified"),
+    "turned by -0.7 degrees": (lambda left, right: (left, turned(right, -0.7)), "unrectified", "rectified"),
+    "60 px down": (lambda left, right: (left, np.roll(right, 60, 0)), "unrectified", "their corners lie 60"),
+    "45 px up": (lambda left, right: (left, np.roll(right, -45, 0)), "unrectified", "their corners lie 45"),
+    "mirrored right": (lambda left, right: (left, np.fliplr(right)), "mirrored", "mirrored"),
+    "mirrored left": (lambda left, right: (np.fliplr(left), right), "mirrored", "mirrored"),
+    "upside down": (lambda left, right: (left, np.flipud(right)), "mirrored", "mirrored"),
+    "quarter turn": (lambda left, right: (left, np.rot90(right)), "turned", "turned by 90 degrees"),
+    "half turn": (lambda left, right: (left, np.rot90(right, 2)), "turned", "turned by 180 degrees"),
 }
 """Rows that are off by more than a twentieth of the height are no other scene; symmetric objects match in mirrored pictures."""
 
@@ -66,8 +72,35 @@ FAULTS: dict[str, tuple[Pair, str]] = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_what_is_wrong_with_a_pair_is_named(name: str) -> None:
     """Oracle: the corruption."""
-    corrupt, words = FAULTS[name]
-    assert words in str(find_pair_fault(*corrupt(*demo()), KNOWN))
+    corrupt, check, words = FAULTS[name]
+    pair = corrupt(*demo())
+    (finding,) = check_pair(*pair)
+    assert (finding.check, finding.severity) == (f"{check}-pair", "fault")
+    assert finding.what == find_pair_fault(*pair, KNOWN) and words in finding.what
+
+
+def test_rows_that_are_off_are_counted() -> None:
+    """Oracle: by how much the right picture was rolled down; of a turned one there is no such number."""
+    left, right = demo()
+    for px in (5, 30):
+        (finding,) = check_pair(left, np.roll(right, px, 0))
+        assert finding.mend.startswith(f"move the right picture up by {px}.0 px, or rectify the pair")
+    assert check_pair(left, turned(right, 1))[0].mend.startswith("rectify the pair")
+
+
+def test_exposure_of_a_pair_is_a_note() -> None:
+    left, right = demo()
+    (finding,) = check_pair(left, (right * 0.6).astype(np.uint8))
+    assert (finding.check, finding.severity) == ("exposure", "note") and " 0.6" in finding.what
+    (finding,) = check_pair(left, np.clip(right * 3.0, 0, 255).astype(np.uint8))
+    assert (finding.check, finding.mend) == ("exposure", "expose both alike") and "is white" in finding.what
+
+
+@pytest.mark.parametrize("hw", [(1, 1), (4, 300), (62, 200)])
+def test_pairs_too_small_for_corners_are_not_judged(hw: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    left, right = (rng.integers(0, 255, (*hw, 3), np.uint8) for _ in range(2))
+    assert [each for each in check_pair(left, right) if each.severity == "fault"] == []
 
 
 def test_another_white_balance_and_grey_pictures_raise_no_doubt() -> None:
@@ -80,8 +113,9 @@ def test_another_white_balance_and_grey_pictures_raise_no_doubt() -> None:
 
 
 def test_one_picture_twice_with_noise() -> None:
-    """Oracle: the corruption: 3 levels of noise, as storing it anew may leave."""
+    """Oracle: the corruption: none, or 3 levels of noise, as storing it anew may leave."""
     left, _ = demo()
+    assert [each.check for each in check_pair(left, left)] == ["identical-pair"]
     noise = np.random.default_rng(0).normal(0, 3, left.shape)
     assert "one and the same" in str(find_pair_fault(left, np.clip(left + noise, 0, 255).astype(np.uint8), KNOWN))
 
@@ -91,6 +125,7 @@ def test_pictures_of_different_scenes() -> None:
     left, _ = demo()
     noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8).repeat(8, 0).repeat(8, 1)
     assert "same scene" in str(find_pair_fault(left, noise, KNOWN))
+    assert [each.check for each in check_pair(left, noise) if each.severity == "fault"] == ["unrelated-pair"]
     assert find_pair_fault(left, np.full_like(left, 90), KNOWN) is None
 
 

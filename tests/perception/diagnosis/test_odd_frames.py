@@ -17,8 +17,8 @@ from corruptions import moved as at_poses
 from dlama.datasets.layouts import open_dataset
 from dlama.files.rasters.depth import write_depth_png
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.diagnosis.frames.landing import shrink
-from dlama.perception.diagnosis.frames.odd_frames import compare_frames, find_odd_frames
+from dlama.perception.diagnosis.odd_frames import compare_frames, find_odd_frames
+from dlama.perception.diagnosis.poses import shrink
 from dlama.worlds.layouts.random_scene import build
 from marks import first_quick
 from posed_folders import write_nerfstudio

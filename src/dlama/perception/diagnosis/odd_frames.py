@@ -17,17 +17,17 @@ from dlama.errors import format_size
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.frames.gathering import OUTLIER
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.frames.landing import (
+from dlama.perception.diagnosis.poses import (
     FEWEST,
     LANDS_WITHIN,
     LEAST_FIT,
     LEAST_LEAD,
     Landed,
     SmallFrame,
+    check_poses,
     find_landing_points,
     reproject,
 )
-from dlama.perception.diagnosis.frames.poses import check_poses
 
 
 def compare_frames(frames: Mapping[str, SmallFrame], row: Sequence[str], scene: str) -> list[Finding]:
