@@ -156,7 +156,7 @@ WRONG = {
     "--click 30": "--click is '30'; X,Y in pixels is expected",
     "--click 300,2": "--click holds 300,2, which lies outside the picture",
     "--box 1,2,3": "--box is '1,2,3'; X,Y,W,H in pixels is expected",
-    "--box 900,2,3,3 --click 3,3": "--box is 900,2,3,3, which lies outside the picture of 64x48",
+    "--box 900,2,3,3 --click 3,3": "--box is 900,2,3,3, which is no part of the picture of 64x48",
     "-o loop": "loop: cannot be written: too many levels of symbolic links",
     "-o image.png/out": "image.png is a file, a directory is expected",
 }

@@ -36,6 +36,8 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.perception.masks.corrections import correct_carried
+from dlama.perception.shadows.find import add_shadows
 
 RIM_PX = 3
 """Rim in px of a mask that is not transferred: masks reach a little over the object."""
@@ -51,9 +53,6 @@ def remove_object(
     masks, growth = masks_by_place(scene, mask), mask_growth(scene, dilate)
     carried = carry_masks(scene.unfilled, masks)
     if with_shadow:
-        # its network and classifiers are needed where it is asked for
-        from dlama.perception.shadows.find import add_shadows
-
         carried = add_shadows(scene.unfilled, carried)
     return remove_masked(scene, carried, growth)
 
@@ -217,9 +216,6 @@ def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
 
 def _carry_to(frame: View, frames: Mapping[int, Layer], masked: MaskedObject) -> BoolArray:
     """The pixels of an unmasked frame that show the object; frames: the masked ones, by index."""
-    # needed for scenes of many frames alone
-    from dlama.perception.masks.corrections import correct_carried
-
     box = find_box_in_view(masked.corners, frame.camera)
     if box is None:
         return np.zeros_like(frame.hole)

@@ -27,8 +27,6 @@ RADIUS, SPACE_SIGMA, COLOR_SIGMA = 18.0, 12.0, 20.0
 STEEP, BEND = 0.02, 1.6
 """Relative change per px from which a pixel is on a ramp: it does not vote; and least slope of a ramp over the mean slope within
 1.5 radii: ground is not steeper than its surroundings."""
-UNLIKE = 40
-"""Squared colour difference, over the square of its sigma, from which a voter counts for nothing."""
 FURTHER, FURTHER_RADIUS, FURTHER_COLOR_SIGMA = 2, 4.0, 60.0
 """Further medians, in which moved pixels vote, too: on a texture neighbours choose different depths in the first one, and seen
 from elsewhere a surface is torn between them; half their window, and how fast their votes weaken with unlike colour."""
@@ -69,7 +67,7 @@ def _median(
     px = max(2, round(radius))
     step = max(1, math.ceil((2 * px + 1) / 15))
     out, room = np.empty_like(values), np.empty((len(values), 2, MOST), np.float32)
-    differences = np.arange(min(UNLIKE * color_sigma**2, 3 * 255**2) + 1)
+    differences = np.arange(min(40 * color_sigma**2, 3 * 255**2) + 1)  # who differs more counts for nothing
     alike = np.exp(-differences / (2 * color_sigma**2)).astype(np.float32)
     places = np.arange(-px, px + 1, step)
     near = np.exp(-(places[:, None] ** 2 + places**2) / (2 * space_sigma**2)).astype(np.float32)

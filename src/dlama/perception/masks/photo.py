@@ -29,9 +29,6 @@ LEAST_GAIN = 0.05
 CUT_OFF = 0.2
 """Share of a window's border that a mask crosses, from which the whole picture is used, too."""
 
-FILLS = 0.75
-"""Least intersection over union of a box and its salient region for that to be the object."""
-
 
 @dataclass(frozen=True, eq=False)
 class Reading:
@@ -85,7 +82,7 @@ class PhotoMasker:
         return list(name_masks(filling, others).values())
 
     def salient_in_box(self, box: Window) -> BoolArray | None:
-        """H x W, the salient region of a box, mean over the windows round it; None where it does not fill FILLS of the box."""
+        """H x W, the salient region of a box, mean over the windows round it; None where it fills less than .75 of the box."""
         hw = self.rgbd.depth.shape
         longest = max(sides_of(box))
         row, column = ((side.start + side.stop) // 2 for side in box)
@@ -101,7 +98,7 @@ class PhotoMasker:
         if not mask[box].any():
             return None
         inside[box] = refine_border(self.rgbd, mask, (longest,))[box]
-        return inside if fill_enclosed(box, inside) >= FILLS else None
+        return inside if fill_enclosed(box, inside) >= 0.75 else None
 
     def readings(self, pixel: Pixel) -> list[Reading]:
         """Possible objects under a click at (row, column); empty without a salient region there."""

@@ -65,15 +65,11 @@ class Prompt:
         x, y, wide, high = box
         if not (wide >= 1 and high >= 1):
             raise InputError(f"`box` is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
-        if wide > width or high > height:  # x,y,x,y of two corners
+        # larger than the picture are x,y,x,y of two corners
+        if wide > width or high > height or not (-wide < x < width and -high < y < height):
             raise InputError(
-                f"`box` is {wide:g} x {high:g} pixels, larger than the picture of {width}x{height}; "
-                "x,y,width,height of a part of it are expected"
-            )
-        if not (-wide < x < width and -high < y < height):
-            raise InputError(
-                f"`box` is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
-                "x,y,width,height of a part of it are expected"
+                f"`box` is {x:g},{y:g},{wide:g},{high:g}, which is no part of the picture of {width}x{height}; "
+                "x,y,width,height are expected"
             )
 
     @property

@@ -46,12 +46,7 @@ SNAP_PX = 6
 """Radius in px in which a click finds the nearest piece: thin objects are hard to hit."""
 OBJECT_GAP = 0.15
 """Largest relative depth difference of touching pieces of one object: a lamp's shade hangs before its pole."""
-GROUP_GAP = 0.3
-"""The same for a group of objects."""
 TOUCHING_PX = 3
-MOSTLY = 0.95
-"""Share of the common border with similar depths that joins two pieces. A stool before a bed touches it at its ground contact
-alone, a vase what lies behind the edge of its plinth."""
 
 
 def check_surfaces(rgbd: RGBD) -> None:
@@ -118,7 +113,8 @@ def find_touching(pieces: Pieces, target: BoolArray, gap: float) -> list[int]:
     numbers, which = np.unique(pieces.label.ravel()[pixels], return_inverse=True)
     close = np.bincount(which, np.abs(here - there) <= gap * np.minimum(here, there), len(numbers))
     lengths = np.bincount(which, minlength=len(numbers))
-    return [int(n) for n in numbers[(close > 1) & (close >= MOSTLY * lengths)]]
+    # a stool before a bed touches it at its ground contact alone, a vase what lies behind the edge of its plinth
+    return [int(n) for n in numbers[(close > 1) & (close >= 0.95 * lengths)]]
 
 
 def rgbd_candidates(measured: Measured, prompt: Prompt) -> list[BoolArray]:
@@ -133,7 +129,7 @@ def rgbd_candidates(measured: Measured, prompt: Prompt) -> list[BoolArray]:
     if stands.any():
         pieces = find_pieces(measured, support | stands)
     own = pieces.at(seed)
-    group = merge_pieces(with_stand, with_stand.at(seed), GROUP_GAP)
+    group = merge_pieces(with_stand, with_stand.at(seed), 0.3)  # twice as far apart
     whole = drop_duplicates([merge_pieces(pieces, own, OBJECT_GAP), own, group])
     return drop_duplicates([finish_mask(measured, mask) for mask in whole])
 

@@ -81,19 +81,16 @@ class EmbeddedPicture:
         named = dict(zip(self.decoder.outputs, self.decoder.run_all(self.feed(prompt))))
         masks = next((named[name] for name in ("masks", "output_masks") if name in named), None)
         scores = named.get("iou_predictions")
-        if masks is None or scores is None or masks.shape[-2:] != self.hw or masks.ndim not in (4, 5):
-            found = ", ".join(f"{name} {' x '.join(map(str, value.shape))}" for name, value in named.items())
-            height, width = self.hw
-            raise FileError(
-                f"{self.decoder.path}: gave {found}; masks (or output_masks) of {height} x {width} "
-                "and iou_predictions are expected"
-            )
-        flat = masks.reshape(-1, *self.hw).astype(np.float32), np.asarray(scores, np.float32).ravel()
-        if not 0 < len(flat[0]) == len(flat[1]):
-            raise FileError(
-                f"{self.decoder.path}: gave {len(flat[0])} masks and {len(flat[1])} scores; as many are expected"
-            )
-        return flat
+        if masks is not None and scores is not None and masks.shape[-2:] == self.hw and masks.ndim in (4, 5):
+            flat = masks.reshape(-1, *self.hw).astype(np.float32), np.asarray(scores, np.float32).ravel()
+            if 0 < len(flat[0]) == len(flat[1]):
+                return flat
+        found = ", ".join(f"{name} {' x '.join(map(str, value.shape))}" for name, value in named.items())
+        height, width = self.hw
+        raise FileError(
+            f"{self.decoder.path}: gave {found}; masks (or output_masks) of {height} x {width} "
+            "and as many iou_predictions are expected"
+        )
 
     def feed(self, prompt: Prompt) -> dict[str, np.ndarray]:
         """The decoder's inputs by name; FileError where it takes others."""

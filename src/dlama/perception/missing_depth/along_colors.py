@@ -21,8 +21,6 @@ from dlama.perception.missing_depth.kernels import conductances, relax
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values_at
 from dlama.perception.sky import find_plain_sky
 
-DETACHED = 15.0
-"""Extra path length, in px, from pixels of no plane, in noisy depth."""
 RIM_PX = 4
 """Width of the rim of measured surfaces that does not extend along colours where there is sky; single readings have none."""
 MOST = 3.0
@@ -63,12 +61,12 @@ def fill_along_colors(
 
     color: H x W x 3; missing: H x W, True where depth alone is missing; hole: H x W, True where depth is unknown: `missing`, and
     where colours are, too; sky: H x W, True in pixels of `missing` that are known to be sky. Noisy depth is a matcher's, which
-    bleeds: there pixels of no plane count as DETACHED px farther off.
+    bleeds: there pixels of no plane count as 15 px farther off.
     """
     w, label = surfaces.inverse_depth, surfaces.label
     smooth_color = fill_with_nearest(color, missing | ~hole).astype(np.float32)
     cv2.GaussianBlur(smooth_color, (0, 0), 1.5, dst=smooth_color)  # noise is no edge
-    start = (label == SMOOTH) * np.float32(DETACHED) if surfaces.noise else 0.0
+    start = (label == SMOOTH) * np.float32(15) if surfaces.noise else 0.0
     known, free = ~hole | sky, missing & ~sky
     if sky.any():
         # Its border is where the picture has it: roofs, whose blurred colours touch the sky, begin farther inside.

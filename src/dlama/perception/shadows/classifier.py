@@ -32,9 +32,7 @@ MODEL = ASSETS / "shadow" / "shadow.npz"
 CLIP = 5.0
 """Standard deviations that features are clipped to."""
 TRIED = 2
-"""Cast shapes that are evaluated, the likeliest first,"""
-LIKELY = 0.04
-"""of those with at least this probability."""
+"""Cast shapes that are evaluated, the likeliest first."""
 SHADOW = 0.5
 """Least probability of a pixel."""
 
@@ -83,7 +81,7 @@ def find_likely_shadows(
     certainty = np.where(there, parts["candidate"](np.nan_to_num(features)), 0)
     out = []
     for number in np.argsort(-certainty, kind="stable")[:TRIED]:
-        if certainty[number] < LIKELY:
+        if certainty[number] < 0.04:
             break
         rows, where = pixel_features(planes, shapes[number], float(certainty[number]))
         marked_by_pixel = np.zeros(where.shape, np.float32)

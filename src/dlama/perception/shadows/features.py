@@ -29,15 +29,13 @@ LEAST_DEEP = 0.05
 TONES, TONES_PX, ENOUGH_PX = (5, 10, 25, 50, 75, 90, 95), 12, 30
 """Percentiles of the surface's level, the width of the ring for comparison, and the least number of pixels."""
 TONE_STEPS = len(TONES) + 2
-OCCLUDED = 0.3
-"""Occluded share of the sky from which a pixel belongs to the shape of an overcast day."""
 
 
 def cast_interiors(planes: ShadowPlanes) -> list[BoolArray]:
     """The visible cast shapes of the crop, the region of strong ambient occlusion, and the surface round the ground contact."""
     where = planes.surface
     cast = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes.casts]
-    return [*cast, np.asarray((planes.plane("occluded") > OCCLUDED) & where), near_ground_contact(planes) & where]
+    return [*cast, np.asarray((planes.plane("occluded") > 0.3) & where), near_ground_contact(planes) & where]
 
 
 def near_ground_contact(planes: ShadowPlanes) -> BoolArray:

@@ -36,8 +36,6 @@ LOG_RANGE, FAR = 2.0, 4.0
 """Log colour, and distance in object heights, that are 1 in a plane (the latter through tanh)."""
 COLORS, DARKEST, BRIGHTEST = 24, -2.5, 1.5
 """Bins of log colour a channel, and what they cover."""
-LIGHTER = 0.12, 0.25, 0.45, 0.8
-"""Steps in log level to the lit partner of a pixel's colour."""
 NETWORK = ASSETS / "shadow" / "shadow.onnx"
 LOG_SHARE = 4.0
 """Logarithm of a frequency that is 1 in a plane."""
@@ -78,7 +76,7 @@ class ShadowPlanes:
 
     @cached_property
     def shares(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Frequencies on the surface, N logarithms each: of the colour of each pixel of it, and of colours lighter by LIGHTER."""
+        """Frequencies on the surface, N logarithms each: of the colour of each pixel of it, and of lighter ones."""
         color = self.color[:, self.surface].T * LOG_RANGE
         place = bin_of(color)
         flat = (place[:, 0] * COLORS + place[:, 1]) * COLORS + place[:, 2]
@@ -86,7 +84,7 @@ class ShadowPlanes:
         for axis in range(3):
             counts += (np.roll(counts, 1, axis) + np.roll(counts, -1, axis) - 2 * counts) / 4
         share = np.log(counts / max(len(color), 1) + 1e-4)
-        raised = [share[tuple(bin_of(color + more).T)] for more in LIGHTER]
+        raised = [share[tuple(bin_of(color + more).T)] for more in (0.12, 0.25, 0.45, 0.8)]
         return share[tuple(place.T)], raised
 
 

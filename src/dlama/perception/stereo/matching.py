@@ -49,8 +49,6 @@ WHOLE = Search(cv2.STEREO_SGBM_MODE_HH, 12, 40, 0)
 """Eight paths at the pictures' width: few mistakes, coarse below one pixel."""
 FINE = Search(cv2.STEREO_SGBM_MODE_SGBM_3WAY, 8, 32, 5)
 """Three paths at twice the width: more mistakes, half the error where it is right."""
-DOUBLED_UP_TO_PX = 1600
-"""Pictures up to this width are searched finely at twice the width, larger ones as they are."""
 WIDEST_PX = 2400
 """Width of pictures that are searched; wider ones are halved. Of worlds 2600 and 3600 px wide, a little blurred as photos of that
 size are, the mean error is .29 and .38 px then, .35 and .48 where they are searched as they are."""
@@ -138,7 +136,7 @@ def _reach(width: int) -> int:
 
 
 def _scale_of_fine(width: int) -> int:
-    return 2 if width <= DOUBLED_UP_TO_PX else 1
+    return 2 if width <= 1600 else 1  # larger pictures are searched as they are
 
 
 def _scale_of_whole(shape: tuple[int, ...], span: float) -> float:
