@@ -178,33 +178,13 @@ def moved(frames: tuple[RGBD, ...] | list[RGBD], spoil: Undo) -> list[RGBD]:
     ]
 
 
-def with_focal(factor: float) -> Callable[[RGBD], RGBD]:
-    """The lens of a frame is off."""
-
-    def spoil(frame: RGBD) -> RGBD:
-        camera = replace(frame.camera, fx=frame.camera.fx * factor, fy=frame.camera.fy * factor)
-        return RGBD(frame.color, frame.depth, camera)
-
-    return spoil
-
-
 def with_depth(factor: float) -> Callable[[RGBD], RGBD]:
-    """Its depth is in another unit."""
+    """The depth of a frame is in another unit."""
     return lambda frame: RGBD(frame.color, frame.depth * np.float32(factor), frame.camera)
 
 
-def with_curve(exponent: float) -> Callable[[RGBD], RGBD]:
-    """Its picture went through a curve."""
-    curve = np.round(255 * (np.arange(256) / 255) ** exponent).astype(np.uint8)
-    return lambda frame: RGBD(curve[frame.color], frame.depth, frame.camera)
-
-
-FRAMES: dict[str, tuple[Callable[[RGBD], RGBD], str, str]] = {
-    "depth times 5": (with_depth(5.0), "depth-scale", "depth by 0.2"),
-    "depth over 5": (with_depth(0.2), "depth-scale", "depth by 5"),
-    "focal length times 1.2": (with_focal(1.2), "focal-length", "fy by 0.8"),
-    "focal length times 0.8": (with_focal(0.8), "focal-length", "fy by 1.2"),
-    "gamma 1/2.2": (with_curve(1 / 2.2), "picture-gamma", "power of 2.2"),
-    "linear": (with_curve(2.2), "picture-gamma", "power of 0.45"),
+FRAMES: dict[str, tuple[Callable[[RGBD], RGBD], str]] = {
+    "depth times 5": (with_depth(5.0), "depth by 0.2"),
+    "depth over 5": (with_depth(0.2), "depth by 5"),
 }
-"""How one frame of many is spoilt -> the function, the check that names it, and what mends it."""
+"""How one frame of many is spoilt -> the function, and what mends it."""

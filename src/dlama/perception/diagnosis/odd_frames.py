@@ -1,12 +1,11 @@
-"""Posed frames of one scene in; findings on frames with another depth scale, focal length or tone curve out.
+"""Posed frames of one scene in; findings on frames of another size or depth scale, or at a wrong place, out.
 
 Points of a frame are reprojected to its neighbours and back, and compared with the depth and colour measured there. A frame is
-reported if they agree clearly better with its depth, or focal length, multiplied by some factor.
+reported if they agree clearly better with its depth multiplied by some factor, or if it contradicts neighbours that agree.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import combinations, pairwise
@@ -22,7 +21,6 @@ from dlama.perception.diagnosis.poses import (
     LANDS_WITHIN,
     LEAST_FIT,
     LEAST_LEAD,
-    Landed,
     SmallFrame,
     check_poses,
     find_landing_points,
@@ -60,7 +58,8 @@ def find_odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[
     if len(frames) < 3:
         return []
     found = [
-        find_oddity(frame, [frames[other] for other in nearest], name)
+        check_scale(frame, [frames[other] for other in nearest], name)
+        or check_place(frame, [frames[other] for other in nearest], name)
         for frame, nearest, name in zip(frames, neighbours(frames), names)
     ]
     odd = [finding for finding in found if finding is not None]
@@ -78,26 +77,17 @@ def neighbours(frames: Sequence[SmallFrame]) -> list[list[int]]:
     return [list(np.argsort(row, kind="stable")[: min(4, len(frames) - 1)]) for row in away]
 
 
-def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
-    """The fault of a frame against two or more others; None where there is none."""
-    as_read = fits(frame, others)
-    if lower_median(1 / np.maximum(as_read, 0.01)) < LEAST_LEAD:  # no fit is above 1, so that no factor could lead
-        return check_place(frame, others, name) or check_tone_curve(frame, others, name)
-    tried = [("depth", depth_factor(frame, others))]
-    tried += [("focal", float(factor)) for factor in 1.05 ** np.arange(-10, 11)]
-    found = [fits(rescale_frame(frame, **{what: factor}), others) for what, factor in tried]
-    (what, factor), best = max(zip(tried, found), key=lambda pair: lower_median(pair[1]))
+def check_scale(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
+    """Reports a frame that fits two or more others clearly better with its depth multiplied by some factor."""
+    factor = depth_factor(frame, others)
+    as_read, best = fits(frame, others), fits(rescale_depth(frame, factor), others)
     fit, lead = lower_median(best), lower_median(best / np.maximum(as_read, 0.01))
     if max(factor, 1 / factor) < 1.1 or fit < LEAST_FIT or lead < LEAST_LEAD:
-        return check_place(frame, others, name) or check_tone_curve(frame, others, name)
-    check, which, low, high, multiplied = {
-        "depth": ("depth-scale", "depth", "small", "large", "depth"),
-        "focal": ("focal-length", "its focal length", "short", "long", "fx and fy"),
-    }[what]
-    times = f"{max(factor, 1 / factor):.3g} times too {low if factor > 1 else high}"
+        return None
+    times = f"{max(factor, 1 / factor):.3g} times too {'small' if factor > 1 else 'large'}"
     shows = f"so {fit:.0%} of its points fit the neighbouring frames, {lower_median(as_read):.0%} as read"
-    mend = f"multiply its {multiplied} by {factor:.3g}"
-    return Finding(check, "fault", certainty(lead - 1, 0.3), f"{name}: {which} is {times}; {shows}", mend)
+    what, mend = f"{name}: depth is {times}; {shows}", f"multiply its depth by {factor:.3g}"
+    return Finding("depth-scale", "fault", certainty(lead - 1, 0.3), what, mend)
 
 
 def check_place(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
@@ -122,30 +112,6 @@ def share_on_surfaces(one: SmallFrame, other: SmallFrame) -> float | None:
     return agree / (agree + through) if agree + through >= FEWEST else None
 
 
-def check_tone_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
-    """Reports a gamma of the picture against its neighbours; exposure and white balance do not change contrast."""
-    landed = [each for each in (find_landing_points(frame, other) for other in others) if each.fit > LEAST_FIT]
-    if len(landed) < 2:
-        return None
-    curves = np.log([contrast(each) for each in landed])
-    curve, least = float(np.median(curves)), np.log(1.4)  # without a gamma at most 1.23
-    # all must agree: two kinds of camera in one scene may differ by as much
-    if abs(curve) < least or (curves * np.sign(curve)).min() < least / 2:
-        return None
-    how, undo = (
-        ("a gamma of 1/2.2 applied once more", 2.2) if curve < 0 else ("its gamma taken off (linear values)", 1 / 2.2)
-    )
-    what = f"{name}: the picture looks as if it had {how}: its colours are its neighbours' to the power of {np.exp(curve):.2g}"
-    mend = f"save it anew with each value (0..1) to the power of {undo:.2g}"
-    return Finding("picture-gamma", "fault", certainty(abs(curve) - least, 0.15), what, mend)
-
-
-def contrast(landed: Landed) -> float:
-    """The exponent e of first = gain * second^e: the ratio of the spreads of their logarithms."""
-    first, second = (np.subtract(*np.percentile(np.log(each + 2), (85, 15))) for each in (landed.first, landed.second))
-    return float(np.clip(first / max(second, 1e-3), 0.05, 20.0))
-
-
 def fits(frame: SmallFrame, others: Sequence[SmallFrame]) -> Float64Array:
     """Agreement of the frame with each of the others."""
     return np.array(
@@ -158,11 +124,9 @@ def lower_median(values: Float64Array) -> float:
     return float(np.sort(values)[(len(values) - 1) // 2])
 
 
-def rescale_frame(frame: SmallFrame, depth: float = 1.0, focal: float = 1.0) -> SmallFrame:
-    """The frame with its depth, or its focal length, multiplied."""
-    camera = dataclasses.replace(frame.camera, fx=frame.camera.fx * focal, fy=frame.camera.fy * focal)
-    points = frame.points * (depth / focal, depth / focal, depth)
-    return frame._replace(points=points, depth=frame.depth * np.float32(depth), camera=camera)
+def rescale_depth(frame: SmallFrame, factor: float) -> SmallFrame:
+    """The frame with its depth multiplied."""
+    return frame._replace(points=frame.points * factor, depth=frame.depth * np.float32(factor))
 
 
 def depth_factor(frame: SmallFrame, others: Sequence[SmallFrame]) -> float:
