@@ -109,7 +109,7 @@ def _occluders() -> None:
 
 
 def _sky_without_depth() -> None:
-    _replace("perception.missing_depth.along_colors", "find_plain_sky", lambda color, free, depth: np.zeros_like(free))
+    _replace("perception.missing_depth", "find_plain_sky", lambda color, free, depth: np.zeros_like(free))
 
 
 def _plain_infinity() -> None:

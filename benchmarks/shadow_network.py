@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from dlama.perception.shadows.crop import SIDE
+from dlama.perception.shadows.ground import SIDE
 from dlama.perception.shadows.planes import FIRST_CAST, MULTIPLE, PLANES, ShadowPlanes, network_planes
 from learning import learn
 from shadow_crops import Crop, ShadowCrops

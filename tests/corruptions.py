@@ -126,7 +126,6 @@ SPOILT: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "normalised inverse": (normalised_inverse, ("inverse-depth", "normalised-depth")),
     "normalised": (normalised, ("normalised-depth",)),
     "gamma 1/2.2": (coded(lambda share: share ** (1 / 2.2)), ("gamma-depth",)),
-    "gamma 2.2": (coded(lambda share: share**2.2), ("gamma-depth",)),
     "radial": (radial, ("radial-depth",)),
     "mirrored": (flipped(np.fliplr), ("mirrored-depth",)),
     "upside down": (flipped(np.flipud), ("mirrored-depth",)),

@@ -72,7 +72,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.jobs.results.result import JobResult as JobResult
     from dlama.perception.depth_networks import DepthPrediction as DepthPrediction
     from dlama.perception.diagnosis.finding import Finding as Finding
-    from dlama.perception.missing_depth.between_readings import densify as densify
+    from dlama.perception.missing_depth import densify as densify
     from dlama.perception.monocular import DepthEstimate as DepthEstimate
     from dlama.perception.monocular import estimate_depth as estimate_depth
     from dlama.perception.object_masks import MaskSession as MaskSession
@@ -133,7 +133,7 @@ NAMES = {
     "jobs.results.result": ("JobResult",),
     "perception.depth_networks": ("DepthPrediction",),
     "perception.diagnosis.finding": ("Finding",),
-    "perception.missing_depth.between_readings": ("densify",),
+    "perception.missing_depth": ("densify",),
     "perception.monocular": ("DepthEstimate", "estimate_depth"),
     "perception.object_masks": ("MaskSession", "ObjectMask", "find_mask"),
     "perception.stereo.agreement": ("StereoConsistency",),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.drawing.picture_edges import JUMP
-from dlama.perception.kernels.edge_median import MOST, joint_median
+from dlama.perception.kernels.joint_filters import MOST, joint_median
 from dlama.perception.sharpening import LARGEST, sharpen_depth
 
 RNG = np.random.default_rng(4)

@@ -17,7 +17,7 @@ from dlama.perception.masks.prompt import Box, NothingThereError, Point, Pointed
 from dlama.perception.masks.salient import salient_masker
 from dlama.perception.masks.segment_anything import segment_anything_masker
 from dlama.perception.masks.small import SmallPicture
-from dlama.perception.missing_depth.between_readings import densify
+from dlama.perception.missing_depth import densify
 from dlama.perception.shadows.find import find_shadow
 
 MaskModel = str | Path | tuple[str | Path, str | Path]

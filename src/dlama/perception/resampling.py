@@ -17,7 +17,7 @@ from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.kernels.upsampling import upsample_joined
+from dlama.perception.kernels.joint_filters import upsample_joined
 
 JUMP = 0.1
 """Relative step of inverse depth up to which neighbours of the map lie on one surface,"""

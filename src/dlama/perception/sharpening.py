@@ -15,7 +15,7 @@ from dlama.geometry.holes import dilate_square, smaller_size
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.perception.kernels.edge_median import MOST, joint_median, take_most_alike
+from dlama.perception.kernels.joint_filters import MOST, joint_median, take_most_alike
 from dlama.perception.resampling import nearest_pixels, shrink_color
 
 LARGEST = 1024

@@ -9,11 +9,16 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import find_planes_of_picture
-from dlama.perception.shadows.crop import crop_around
 from dlama.perception.shadows.find import grow_ambient_shadow
-from dlama.perception.shadows.ground import Ground, find_ground, measure_object, object_points, surface_axes
-from dlama.perception.shadows.lit_surface import measure_darkness
-from dlama.perception.shadows.occlusion import ambient_occlusion, sky_directions
+from dlama.perception.shadows.ground import (
+    Ground,
+    crop_around,
+    find_ground,
+    measure_object,
+    object_points,
+    surface_axes,
+)
+from dlama.perception.shadows.lit_surface import ambient_occlusion, measure_darkness, sky_directions
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(320, 240, 90)

@@ -18,7 +18,6 @@ from dlama.perception.shadows.classifier import (
     classifiers,
     shadow_probability,
 )
-from dlama.perception.shadows.crop import SIDE, crop_around
 from dlama.perception.shadows.features import (
     CANDIDATE_FEATURES,
     candidate_features,
@@ -26,6 +25,7 @@ from dlama.perception.shadows.features import (
     pixel_features,
     tone_steps,
 )
+from dlama.perception.shadows.ground import SIDE, crop_around
 from dlama.perception.shadows.planes import (
     FIRST_CAST,
     LOG_RANGE,

@@ -24,7 +24,7 @@ from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.rgbd import fit_depth
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.missing_depth.between_readings import densify
+from dlama.perception.missing_depth import densify
 from dlama.perception.resampling import shrink_color
 
 LOG = logging.getLogger("dlama")

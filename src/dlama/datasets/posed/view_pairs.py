@@ -18,7 +18,7 @@ from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.motion.poses import rotation_deg, transform_points
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
-from dlama.perception.missing_depth.between_readings import repeat_readings
+from dlama.perception.missing_depth import repeat_readings
 
 DEGREES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 """Rotations that pairs are looked for at: the paper's yaws."""

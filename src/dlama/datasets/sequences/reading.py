@@ -10,7 +10,7 @@ import numpy as np
 from dlama.datasets.frames import Frame
 from dlama.datasets.posed.posed_frames import FrameFiles, PosedFrame, count_readings, load_depth, size_of_picture
 from dlama.errors import format_size, warn
-from dlama.perception.missing_depth.between_readings import has_single_readings
+from dlama.perception.missing_depth import has_single_readings
 
 Decisions = dict[str, dict[str, Any]]
 

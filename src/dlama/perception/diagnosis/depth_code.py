@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.perception.diagnosis.depth_scale import check_depth_unit
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 
 Floats = NDArray[np.float64]
@@ -40,11 +39,9 @@ class Lead(NamedTuple):
         return self.t >= least.t and self.gain >= least.gain
 
 
-CLEAR = Lead(2.5, 0.035)
-"""Least lead that is reported;"""
-DOUBTED = Lead(1.3, 0.012)
-"""where the unit of depth makes no likely scene, and for all codings but "ungamma": none of 256 good inputs (68 real, 104
-streets, 84 worlds) was fitted best by those."""
+LEAST, CLEAR = Lead(1.3, 0.012), Lead(2.5, 0.035)
+"""Least lead that is reported: none of 256 good inputs (68 real, 104 streets, 84 worlds) was fitted best by another code; and the
+least one that is warned of when depth is read."""
 CODES = {
     "inverse": (
         "inverse-depth",
@@ -62,11 +59,6 @@ CODES = {
         "depth coded with a gamma of 1/2.2 (a picture of depth)",
         "save depth anew without a gamma (metres ~ value^2.2), as EXR or 16-bit millimetres",
     ),
-    "ungamma": (
-        "gamma-depth",
-        "depth squeezed by a gamma of 2.2 (a curve for pictures was taken off it)",
-        "save depth anew without a curve (metres ~ value^(1/2.2)), as EXR or 16-bit millimetres",
-    ),
 }
 """Coding other than plain depth -> name of the check, what it is, what fixes it."""
 
@@ -74,14 +66,11 @@ CODES = {
 def check_depth_code(seen: Observed) -> list[Finding]:
     """Reports a coding other than plain depth; nothing where too little of the picture is planar."""
     best, lead = find_best_code(seen.depth, seen.camera, tuple(CODES))
-    if best not in CODES or not lead.reaches(DOUBTED):
-        return []
-    least = DOUBTED if best != "ungamma" or check_depth_unit(seen) else CLEAR
-    if not lead.reaches(least):
+    if best not in CODES or not lead.reaches(LEAST):
         return []
     check, holds, mend = CODES[best]
     what = f"{seen.names[1]}: holds {holds}; planes of the scene are flat so, and bent as depth"
-    return [Finding(check, "fault", certainty(lead.t - least.t + 1, 0.8), what, mend)]
+    return [Finding(check, "fault", certainty(lead.t - LEAST.t + 1, 0.8), what, mend)]
 
 
 def looks_inverse(depth: NDArray[np.floating]) -> bool:
@@ -121,13 +110,12 @@ def fit_codes(depth: NDArray[np.floating], camera: Camera, names: tuple[str, ...
 
 def inverse_depths(v: Floats, ray: Floats) -> dict[str, tuple[Floats, Floats]]:
     """For each coding of v: inverse depth up to a factor, and its derivative for a relative change of the value."""
-    curves = {"gamma": v**-GAMMA, "ungamma": v ** (-1 / GAMMA)}
+    curve = v**-GAMMA
     return {
         "linear": (1 / v, 1 / v),
         "inverse": (v, v),
         "radial": (ray / v, ray / v),
-        "gamma": (curves["gamma"], GAMMA * curves["gamma"]),
-        "ungamma": (curves["ungamma"], curves["ungamma"] / GAMMA),
+        "gamma": (curve, GAMMA * curve),
     }
 
 

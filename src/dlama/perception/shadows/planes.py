@@ -18,14 +18,12 @@ from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.models.network_file import ASSETS, NetworkFile, shipped_network
-from dlama.perception.shadows.crop import Crop, crop_around
-from dlama.perception.shadows.ground import EDGE_PX, Ground, measure_object, object_points
-from dlama.perception.shadows.lit_surface import measure_darkness
-from dlama.perception.shadows.occlusion import ambient_occlusion
+from dlama.perception.shadows.ground import EDGE_PX, Crop, Ground, crop_around, measure_object, object_points
+from dlama.perception.shadows.lit_surface import ambient_occlusion, measure_darkness
 from dlama.perception.shadows.search import find_cast_shapes
 
 MULTIPLE = 32
-"""The sides of the planes are multiples of this many pixels; the crop's longer side has `crop.SIDE`."""
+"""The sides of the planes are multiples of this many pixels; the crop's longer side has `ground.SIDE`."""
 PLANES = (
     "red", "green", "blue", "object", "surface", "picture", "height", "right", "away", "darkness", "occluded",
     "ambient", "cast", "common",
@@ -94,7 +92,7 @@ def bin_of(color: Float32Array) -> NDArray[np.intp]:
 
 
 def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[ShadowPlanes, Crop, Float32Array]:
-    """The planes, sides multiples of MULTIPLE and at most `crop.SIDE`; the crop; and H x W, the ambient occlusion."""
+    """The planes, sides multiples of MULTIPLE and at most `ground.SIDE`; the crop; and H x W, the ambient occlusion."""
     crop = crop_around(mask)
     points, rise = object_points(rgbd, mask, ground)
     caster = measure_object(points, rise, ground)

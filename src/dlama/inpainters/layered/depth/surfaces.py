@@ -26,8 +26,7 @@ from dlama.inpainters.layered.depth.foliage import copy_leaves
 from dlama.inpainters.layered.depth.out_of_view import FOLLOWED, cells_near
 from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.perception.missing_depth.along_colors import fill_along_colors, find_known_surfaces
-from dlama.perception.missing_depth.between_readings import move_beyond_range
+from dlama.perception.missing_depth import fill_along_colors, find_known_surfaces, move_beyond_range
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
 from dlama.perception.resampling import interpolate
 

@@ -17,8 +17,7 @@ from dlama.datasets.sequences.loading import open_frames
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD
-from dlama.perception.missing_depth.along_colors import DepthByColor
-from dlama.perception.missing_depth.between_readings import move_beyond_range, reach_between, repeat_readings
+from dlama.perception.missing_depth import DepthByColor, move_beyond_range, reach_between, repeat_readings
 from dlama.perception.planes import SMOOTH
 from posed_folders import write_nerfstudio
 from worlds import Box, Plane, World, innermost_pixel, moved

@@ -12,8 +12,8 @@ import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.along_colors import DEAREST, STEP, DepthCost, nearest_by_color
 from dlama.geometry.rgbd import RGBD
-from dlama.perception.missing_depth.along_colors import fill_along_colors
-from dlama.perception.missing_depth.kernels import JUMP, POWER, SOFT, conductances, relax
+from dlama.perception.kernels.relaxation import JUMP, POWER, SOFT, conductances, relax
+from dlama.perception.missing_depth import fill_along_colors
 from dlama.perception.planes import SKY, SMOOTH, KnownSurfaces
 
 WIDTH, HEIGHT = 192, 144
