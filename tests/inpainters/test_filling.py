@@ -71,22 +71,6 @@ def test_any_small_view_is_filled(seed: int, name: str, height: int, width: int)
     assert report.hole_pixels == view.hole.sum()
 
 
-@fillers
-@pytest.mark.parametrize("hw", [(1, 2), (2, 1), (1, 40), (40, 1), (1, 600), (600, 1)])
-def test_pictures_one_pixel_wide_or_high(name: str, hw: tuple[int, int]) -> None:
-    """Closed form: a constant picture 1xN or Nx1 with a hole continues as that constant (16-bit steps of inverse depth).
-    OpenCV's Telea drifts by up to a level of colour a pixel on such pictures, so its colour is not asked for."""
-    color = np.full((*hw, 3), (10, 200, 90), np.uint8)
-    view = View.from_rgbd(
-        RGBD(color, np.full(hw, 1.37, np.float32), Camera(hw[1], hw[0], 50, 50, hw[1] / 2, hw[0] / 2))
-    )
-    taken = np.zeros(hw, bool)
-    taken.flat[1 : max(2, taken.size // 2)] = True
-    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), find_filler(name), NOTHING)
-    np.testing.assert_allclose(filled.depth, 1.37, rtol=2e-5)
-    assert name == "telea" or abs(filled.color.astype(int) - color).max() <= 1
-
-
 def careless(view: View, context: FillContext, seed: int) -> Fill:
     """A filler that writes everywhere, and 1 m before everything."""
     return Fill(np.full_like(view.color, 7), np.ones_like(view.depth), law_moves=3, notes={"careless": True})

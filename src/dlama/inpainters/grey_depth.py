@@ -9,9 +9,6 @@ from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 
-WHITE = 255
-"""Grey level of depth at or beyond the clip distance."""
-
 
 def with_grey_depth(inpainter: Inpainter, clip: float) -> Inpainter:
     """A filler that fills depth as the paper does: as a grey picture of metres, white at `clip` metres, filled like the colours.
@@ -38,12 +35,12 @@ def with_grey_depth(inpainter: Inpainter, clip: float) -> Inpainter:
 
 def grey_from_metres(depth: Float32Array, clip: float) -> UInt8Array:
     """H x W grey levels 0..255 of metres: 255 = at or beyond `clip` metres."""
-    return np.round(np.minimum(depth, np.float32(clip)) * np.float32(WHITE / clip)).astype(np.uint8)
+    return np.round(np.minimum(depth, np.float32(clip)) * np.float32(255 / clip)).astype(np.uint8)
 
 
 def metres_from_grey(grey: UInt8Array, clip: float) -> Float32Array:
     """H x W metres of grey levels; black counts as level 1, because nothing is at 0 m."""
-    return (np.maximum(grey, np.uint8(1)) * np.float32(clip / WHITE)).astype(np.float32)
+    return (np.maximum(grey, np.uint8(1)) * np.float32(clip / 255)).astype(np.float32)
 
 
 def channel_spread(picture: np.ndarray, hole: BoolArray) -> float:

@@ -84,14 +84,9 @@ def spread_small(colors: np.ndarray, known: BoolArray, where: BoolArray | None =
     It is the mean of pull-push and Telea, whose errors differ, computed with LARGEST pixels at most and enlarged.
     """
     height, width = known.shape
-    smaller = max(height, width) > LARGEST
-    if smaller:
-        colors, share = shrink_known(colors, known, smaller_size(known.shape, LARGEST))
-        known = share >= 0.5
-    colors = np.asarray(colors, np.float32)
+    colors, share = shrink_known(colors, known, smaller_size(known.shape, LARGEST))
+    known = share >= 0.5
     filled = np.asarray((pull_push(colors, known) + telea_spread(colors, known)) / 2, np.float32)
-    if not smaller:
-        return filled if where is None else filled[where]
     pixels = np.arange(height * width) if where is None else np.flatnonzero(where)
     out = enlarge_at(filled, pixels, width, (height / len(filled), width / filled.shape[1]))
     return out.reshape(height, width, 3) if where is None else out

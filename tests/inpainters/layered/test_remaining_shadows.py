@@ -41,28 +41,18 @@ BESIDE = np.s_[74:92, 60:110]
 
 def test_a_shadow_beside_the_thing_is_found() -> None:
     """Closed form: the dark pixels but for their rim, and nothing 3 px beyond it; none where nothing is dark, and none that
-    lies apart from the object."""
+    lies apart from the object. Law: what is as dark farther off is a pattern of the ground; what hides part of a view from
+    elsewhere was not removed."""
     view, dark = ground_without_thing(BESIDE)
     label = np.ones(CAMERA.hw, np.int8)
     found = find_remaining_shadow(view, label, NOTHING)
     assert found[dark].mean() > 0.85 and not (found & ~dilate_mask(dark, 3)).any() and not (found & view.hole).any()
     assert not find_remaining_shadow(ground_without_thing()[0], label, NOTHING).any()
     assert not find_remaining_shadow(ground_without_thing(np.s_[100:110, 20:60])[0], label, NOTHING).any()
-
-
-def test_a_pattern_is_no_shadow() -> None:
-    """Law: what is as dark farther off as next to the object is a pattern of the ground."""
     tiles = [np.s_[row : row + 12, column : column + 16] for row in (52, 80, 104) for column in range(4, 160, 40)]
-    assert not find_remaining_shadow(
-        ground_without_thing(*tiles, BESIDE)[0], np.ones(CAMERA.hw, np.int8), NOTHING
-    ).any()
-
-
-def test_holes_of_other_kinds_have_no_shadow() -> None:
-    """Law: what hides part of a view from elsewhere was not removed."""
-    view, _ = ground_without_thing(BESIDE)
+    assert not find_remaining_shadow(ground_without_thing(*tiles, BESIDE)[0], label, NOTHING).any()
     other = view.without(view.hole, HoleType.DISOCCLUDED)
-    assert not find_remaining_shadow(other, np.ones(CAMERA.hw, np.int8), NOTHING).any()
+    assert not find_remaining_shadow(other, label, NOTHING).any()
 
 
 def test_what_lies_far_behind_the_thing_or_in_estimated_depth_is_no_shadow() -> None:

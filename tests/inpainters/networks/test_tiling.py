@@ -144,19 +144,6 @@ def test_a_network_of_one_size_sees_only_that() -> None:
         assert (filled[..., hole] > 2.5).all(), "2 x + 3 of values in 0..1, also through a shrunk crop"
 
 
-def test_a_small_hole_costs_a_small_call() -> None:
-    """Closed form: in a picture as large as the network's largest side, a hole of 20 px with 48 px on each side fits in 128 px;
-    one of 200 px needs 200 + 2 x 80 px, which is 384 in steps of 128; known pixels keep their bits."""
-    planes = np.random.default_rng(2).random((1, 3, 512, 512), np.float32)
-    for side, called in ((20, 128), (200, 384)):
-        hole = np.zeros((512, 512), bool)
-        hole[150 : 150 + side, 150 : 150 + side] = True
-        probe = Probe()
-        filled = fill_crops(planes, hole, probe, Layout(128, 128, 1 << 20, 128 * 128, side=512))
-        assert probe.sizes == [(1, 3, called, called)]
-        assert np.array_equal(filled[..., ~hole], planes[..., ~hole]) and (filled[..., hole] > 2.5).all()
-
-
 def test_a_large_crop_is_shrunk_without_its_hole() -> None:
     """Closed form: what lies in the hole (here 99) never reaches the network, and a constant comes back exactly."""
     planes = np.full((1, 1, 100, 130), 0.5, np.float32)

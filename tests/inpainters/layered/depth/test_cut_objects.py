@@ -40,22 +40,19 @@ def test_a_disc_goes_on_as_the_circle_that_it_is(inside: int) -> None:
     np.testing.assert_allclose(found.circle[1], (60, BORDER - inside, 20), atol=3)
 
 
-def test_what_is_solid_ends() -> None:
-    """Law: an eave or a bench, without gaps, has no number."""
-    assert not cut(np.hypot(ROWS - 60, COLUMNS - BORDER) <= 20).number.any()
-
-
-def test_a_post_that_is_cut_across_ends() -> None:
-    """Closed form: a bar of 60 x 5 cells continues for less than its width."""
-    bar = (np.abs(ROWS - 60) <= 2) & (COLUMNS > BORDER - 60) & ~GAPS
-    found = cut(bar)
-    assert not (found.number > 0)[:, BORDER + 5 :].any()
-
-
-def test_what_runs_along_the_border_is_not_cut() -> None:
-    """Law: a strip of 4 cells next to the border may end there; nothing continues."""
-    strip = (COLUMNS >= BORDER - 4) & (np.abs(ROWS - 60) < 25) & ~GAPS
-    assert not cut(strip).number.any()
+@pytest.mark.parametrize(
+    ("thing", "end"),
+    [
+        (np.hypot(ROWS - 60, COLUMNS - BORDER) <= 20, 0),
+        ((COLUMNS >= BORDER - 4) & (np.abs(ROWS - 60) < 25) & ~GAPS, 0),
+        ((np.abs(ROWS - 60) <= 2) & (COLUMNS > BORDER - 60) & ~GAPS, BORDER + 5),
+    ],
+    ids=["solid", "strip along the border", "post cut across"],
+)
+def test_what_ends_at_the_border(thing: np.ndarray, end: int) -> None:
+    """Law: an eave or a bench, without gaps, has no number, nor has a strip of 4 cells that may end there. Closed form: a bar of
+    60 x 5 cells continues for less than its width."""
+    assert not (cut(thing).number > 0)[:, end:].any()
 
 
 def test_things_at_different_depths_are_two() -> None:

@@ -162,18 +162,6 @@ def test_the_horizon_is_that_of_the_floor() -> None:
     np.testing.assert_array_equal(above_horizon(cells), candidates[0] < 0)
 
 
-def test_nothing_is_said_in_view() -> None:
-    """Law: cells whose hole is in view, and views without planes, cost nothing and continue nowhere."""
-    hole = np.ones((20, 30), bool)
-    for count in (2, 4):
-        candidates = np.full((count, *hole.shape), 0.25, np.float32)
-        known = np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int8), candidates
-        cells = CoarseCells(Camera.from_fov(30, 20, 60), hole, hole, *known)
-        lines = PlaneLines.of(cells, np.zeros((count - 2, *hole.shape), np.bool_))
-        for part in follow_lines(lines, cells, np.ones(count - 2, bool)):
-            assert part.shape == candidates.shape and not part.any()
-
-
 def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
     """Closed form: of planes that are not followed the one that the border cuts costs nothing, one that ends before it
     ENDING_COST; what has no plane nothing where it continues, twice a jump of what lies beyond, ENDING_COST at most."""

@@ -51,9 +51,6 @@ CROWN_COST = 3.0
 """Cost of no plane next to foliage that the border cuts: foliage extends as its circle."""
 CUT_CELLS = 3
 """A plane with so many known cells next to the hole out of view is cut by the border."""
-LEAST_LENGTH = 1e-12
-NEAR_CELLS = 2
-"""Cells up to which a plane is next to the hole out of view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +77,7 @@ class CoarseCells:
 
     @cached_property
     def near_unseen(self) -> BoolArray:
-        """h x w, True within NEAR_CELLS of `unseen` cells, and in them."""
+        """h x w, True in and near `unseen` cells."""
         return cells_near(self.unseen)
 
     @cached_property
@@ -90,8 +87,8 @@ class CoarseCells:
 
 
 def cells_near(unseen: BoolArray) -> BoolArray:
-    """h x w, True within NEAR_CELLS of `unseen` cells."""
-    return dilate_mask(unseen, NEAR_CELLS)
+    """h x w, True within 2 cells of `unseen` cells, and in them."""
+    return dilate_mask(unseen, 2)
 
 
 class PlaneLines(NamedTuple):
@@ -249,7 +246,7 @@ def plane_coefficients(candidates: Float32Array) -> NDArray[np.float64]:
 def normals(planes: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
     """K x 3 unit normals, in camera axes, of planes w = a x + b y + c over cells."""
     n = planes @ matrix_of_cells(camera)
-    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), LEAST_LENGTH), np.float64)
+    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-12), np.float64)
 
 
 def matrix_of_cells(camera: Camera) -> NDArray[np.float64]:
@@ -282,7 +279,7 @@ def vanishing_points(
     direction = np.where(upright[:, None], direction, main)
     K = matrix_of_cells(camera)
     points = [d @ K.T for d in (direction, np.cross(normal, direction))]
-    along, across = (p / np.maximum(np.linalg.norm(p, axis=1, keepdims=True), LEAST_LENGTH) for p in points)
+    along, across = (p / np.maximum(np.linalg.norm(p, axis=1, keepdims=True), 1e-12) for p in points)
     return along, across
 
 
