@@ -72,13 +72,9 @@ def test_a_picture_without_depth_is_refused_with_advice(verb: Callable[..., obje
 
 @pytest.fixture(scope="module")
 def completions() -> tuple[dlama.Completion, dlama.Completion]:
-    """A removal seen from elsewhere, whole and with a least confidence; of the street each third pixel."""
-    street = dlama.example()
-    large = dlama.read_rgbd(street / "street.jpg", street / "depth.png", fov=90)
-    color, depth, mask = (each[::3, ::3] for each in (large.color, large.depth, dlama.read_mask(street / "mask.png")))
-    rgbd = dlama.RGBD(color, depth, dlama.Camera.from_fov(*mask.shape[::-1], 90))
-    whole = dlama.remove(rgbd, mask, yaw=10, filler="telea")
-    return whole, dlama.remove(rgbd, mask, yaw=10, filler="telea", min_confidence=LEAST)
+    """A removal seen from elsewhere, whole and with a least confidence."""
+    whole = completed("dlama", "telea", True, 14.0)
+    return whole, remove(street(), MASK, yaw=14, filler="telea", min_confidence=LEAST)
 
 
 def test_views_lose_what_is_less_sure_and_nothing_else(

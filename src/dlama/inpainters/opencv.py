@@ -33,7 +33,9 @@ def diffuse(view: View, context: FillContext, seed: int) -> Fill:
     w = inverse_depth(view.known_depth)
     scale = float(w.max()) / 65535 or 1.0
     levels = paint(np.round(w / scale).astype(np.uint16), view.hole)
-    return Fill(paint(view.color, view.hole), depth_of_levels(levels, scale))
+    depth = np.full(levels.shape, np.inf, np.float32)  # of level 0
+    np.divide(1 / scale, levels, out=depth, where=levels > 0, casting="unsafe")
+    return Fill(paint(view.color, view.hole), depth)
 
 
 def paint(picture: np.ndarray, hole: BoolArray, seed: int = 0) -> np.ndarray:
@@ -56,13 +58,6 @@ def paint(picture: np.ndarray, hole: BoolArray, seed: int = 0) -> np.ndarray:
             paste(filled, part, out[box])
 
     in_bands(fill, len(order), band=1)
-    return out
-
-
-def depth_of_levels(levels: np.ndarray, scale: float) -> Float32Array:
-    """Metres from inverse depth in steps of `scale` (1/m); level 0 is far (+inf)."""
-    out = np.full(levels.shape, np.inf, np.float32)
-    np.divide(1 / scale, levels, out=out, where=levels > 0, casting="unsafe")
     return out
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 import dlama
 from brick_walls import COLUMNS, ROWS, brick_wall
@@ -15,7 +16,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
 from dlama.inpainters.context import FillContext
-from dlama.inpainters.layered.filler import copy_patches, layered, replace_removed
+from dlama.inpainters.layered.filler import close_narrow_holes, copy_patches, layered, replace_removed
 
 
 def camera_frame(off: int, wall: np.ndarray) -> tuple[RGBD, np.ndarray]:
@@ -102,3 +103,35 @@ def test_auto_is_the_filler_that_suits_the_depth() -> None:
     assert done.meta["filler"] == "patchmatch" and done.meta["depth"] == "estimated"
     for frame in (rgbd, estimated):
         assert dlama.remove(frame, hole, filler="telea").meta["filler"] == "telea"
+
+
+def ramp_with(hole: np.ndarray, kind: HoleType = HoleType.DISOCCLUDED) -> View:
+    """A view of a ramp of 2 levels a column, with that hole (H x W), black in it."""
+    ramp = np.repeat((2 * COLUMNS)[..., None], 3, 2).astype(np.uint8)
+    camera = Camera.from_fov(128, 96, 60)
+    return View.from_rgbd(RGBD(ramp, np.full((96, 128), 2, np.float32), camera)).without(hole, kind)
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_a_crack_takes_the_mean_of_both_sides(width: int) -> None:
+    """Closed form: a row with one colour on both sides takes it; its depth stays open, and all else is as it was."""
+    crack = np.isin(ROWS, range(20, 20 + width)) & (COLUMNS > 10) & (COLUMNS < 50)
+    view = ramp_with(crack)
+    closed = close_narrow_holes(view)
+    assert np.abs(closed.color[..., 0].astype(int) - 2 * COLUMNS)[crack].max() <= 4
+    assert not closed.color_hole.any() and (closed.depth_hole == crack).all()
+    np.testing.assert_array_equal(closed.color[~crack], view.color[~crack])
+    np.testing.assert_array_equal(closed.origin[~crack], view.origin[~crack])
+
+
+def test_wide_holes_stay_and_lose_their_tails() -> None:
+    """Law: a square stays open, a tail of 2 px that leads to it does not."""
+    square = (np.abs(ROWS - 20) < 8) & (np.abs(COLUMNS - 20) < 8)
+    tail = (np.abs(ROWS - 20) < 2) & (COLUMNS >= 28) & (COLUMNS < 50)
+    np.testing.assert_array_equal(close_narrow_holes(ramp_with(square | tail)).color_hole, square)
+
+
+def test_a_thin_object_stays_removed() -> None:
+    """Law: behind a wire that was removed the picture is painted, not closed from its rims."""
+    view = ramp_with(np.abs(ROWS - 20) < 2, HoleType.OBJECT)
+    assert close_narrow_holes(view) is view

@@ -15,20 +15,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.codes import HoleType
-from dlama.geometry.holes import nearest_known
+from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.holes import morphological_open, nearest_known, square
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, UInt8Array, paste, replace_pixels
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess, unseen_colors
-from dlama.inpainters.layered.color.narrow_holes import close_narrow_holes
 from dlama.inpainters.layered.color.surface_colors import paint_surfaces
-from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
+from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import hide_from_painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
@@ -39,6 +39,10 @@ VIEW_SIDE = 256
 """Longer side of the picture that the network paints where nothing is removed: 384 pixels take twice the time, for LPIPS -3 %."""
 DISOCCLUDED_SHARE = 0.4
 """Weight of the network's picture in dis-occlusions. Out of view houses that it guesses would shine through the sky."""
+NARROW = 4
+"""Side in pixels of the least square that fits into a hole which is not narrow."""
+SIGMA = 1.2
+"""Pixels, of the Gaussian that weighs the known ones."""
 
 
 def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
@@ -73,7 +77,8 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
         color = paint_surfaces(view, surfaces, context)
     copied = removed | uncovered | unseen
     if not misplaced:
-        copied &= have_texture(surfaces, unseen)
+        # no clouds, which end in hard edges, and no foliage, whose leaves are copied already
+        copied &= surfaces.without_leaves(~unseen | (surfaces.label != SKY))
     if guessing is not None and (misplaced or removed.any()):
         guess = guessing()
         color = replace_pixels(color, removed, guess)
@@ -94,10 +99,23 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     return Fill(color, depth, moved, notes)
 
 
-def have_texture(surfaces: Surfaces, unseen: BoolArray) -> BoolArray:
-    """H x W, False in pixels of the hole without a texture to copy: in sky out of view (`unseen`, H x W), since copied clouds end
-    in hard edges, and in foliage, whose leaves are copied already."""
-    return surfaces.without_leaves(~unseen | (surfaces.label != SKY))
+def close_narrow_holes(view: View) -> View:
+    """The view with colours, as if they were measured, in the narrow parts of its holes, but for those of removed objects; their
+    depth stays open.
+
+    Between pixels that a sensor or a renderer left apart, and along silhouettes, neither a surface nor a patch tells more; and
+    what paints wider holes sees a whole picture. The means are those of `gaussian_mean`, to a few levels: of 8 bit they take a
+    fifth of the time.
+    """
+    hole = view.color_hole
+    narrow = hole & ~view.object_hole & ~morphological_open(hole, square(NARROW))
+    if not narrow.any():
+        return view
+    known, color = (~hole).view(np.uint8) * np.uint8(255), view.color.copy()
+    sums, share = (cv2.GaussianBlur(each, (0, 0), SIGMA)[narrow] for each in (cv2.copyTo(color, known), known))
+    means = sums * (np.float32(255) / np.maximum(share, 1))[:, None]
+    color[narrow] = np.minimum(np.rint(means), 255)
+    return view.with_planes(color=color, origin=np.where(narrow, np.uint8(Origin.MEASURED), view.origin))
 
 
 def copy_patches(color: UInt8Array, copied: BoolArray, label: NDArray[np.int8], seed: int) -> UInt8Array:

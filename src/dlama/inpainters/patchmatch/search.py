@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import box_around, nearest_known
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.patchmatch import kernels, vote_kernels
+from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch
 
 NEAR = 16.0
@@ -96,7 +96,7 @@ class Search:
         spread = np.zeros(len(pixels), np.float32)
         votes = self._votes(SHARP, NARROW, np.ones_like(self.cost))._replace(pixels=pixels)
         in_bands(
-            vote_kernels.copy_rows, len(pixels), as_input(picture), as_input(hole), votes, times, out, spread, band=BAND
+            kernels.copy_rows, len(pixels), as_input(picture), as_input(hole), votes, times, out, spread, band=BAND
         )
         return out, spread
 
@@ -111,10 +111,10 @@ class Search:
         """Set the hole's values by a soft vote of the patches, weighted by the trust in them."""
         out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
         votes = self._votes(SOFT, WIDE, self.trust)
-        in_bands(vote_kernels.vote_rows, len(self.pixels), self.values, votes, out, band=BAND)
+        in_bands(kernels.vote_rows, len(self.pixels), self.values, votes, out, band=BAND)
         self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
 
-    def _votes(self, sharpness: float, width_px: float, trust: Float32Array) -> vote_kernels.Votes:
+    def _votes(self, sharpness: float, width_px: float, trust: Float32Array) -> kernels.Votes:
         """The patches. One weighs exp(-sharpness cost / (2 mean cost about it)), times the trust in it (N), times a Gaussian of
         its centre's distance (width_px)."""
         touched = self.number[self.box] >= 0
@@ -122,7 +122,7 @@ class Search:
         costs[touched] = self.cost
         mean = sum_over_patch(costs)[touched] / self.around
         weights = np.asarray(np.exp(-0.5 * sharpness * self.cost / (mean + 1e-3)) * trust, np.float32)
-        return vote_kernels.Votes(self.pixels, self.number, self.found, weights, gaussian(width_px))
+        return kernels.Votes(self.pixels, self.number, self.found, weights, gaussian(width_px))
 
     def _weigh(self) -> None:
         in_bands(kernels.cost_rows, len(self.targets), self.patches, self._penalties(), self.matches, band=BAND)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.inpainters.layered.color.cell_grid import trusted_labels
-from dlama.inpainters.layered.color.surface_colors import GREY, SKY_COLOR, spread_colors
+from dlama.inpainters.layered.color.surface_colors import GREY, SKY_COLOR, spread_colors, trusted_labels
 from dlama.inpainters.layered.kernels.cells import UNTRUSTED
 
 

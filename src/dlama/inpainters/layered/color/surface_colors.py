@@ -14,10 +14,8 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
-from dlama.inpainters.layered.color.cell_grid import divide_into_cells
 from dlama.inpainters.layered.depth.surfaces import Surfaces
-from dlama.inpainters.layered.kernels import base_color as base_kernels
-from dlama.inpainters.layered.kernels.cells import UNTRUSTED, Cells, Labels
+from dlama.inpainters.layered.kernels.cells import UNTRUSTED, Cells, Labels, pull, push, relax, shrink, trusted_sources
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.perception.planes import SKY
 
@@ -33,6 +31,13 @@ SCREEN = 0.002
 """Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
 NEARER = 1.1
 """Ratio of inverse depths from which a cell is nearer than what lies on no plane, and gives it no colour."""
+FEW, SHARE_LEFT = 100, 0.25
+"""Least number and share of a surface's pixels that must remain trusted; below, pixels nearer to occluders are trusted, too:
+leaves have no others."""
+COUNTED_ROWS = 256
+"""Rows that are counted at a time."""
+LONGER_SIDE = 256
+"""Of the grid, in cells."""
 
 
 def paint_surfaces(view: View, surfaces: Surfaces, context: FillContext) -> UInt8Array:
@@ -138,7 +143,7 @@ def surface_base(grid: Cells, region: HoleRegion) -> Float32Array:
     First by a pyramid, then as a screened membrane (Laplace's equation).
     """
     weight = region.sources.astype(np.float32)
-    sums, weights = base_kernels.pull(grid.color * weight[..., None], weight)
+    sums, weights = pull(grid.color * weight[..., None], weight)
     cells = np.unique(region.cells)
     known = weights > 0
     usable = known.copy()
@@ -151,11 +156,57 @@ def surface_base(grid: Cells, region: HoleRegion) -> Float32Array:
     sums[weights == 0] = 0
     ladder = [(sums, weights)]
     while max(ladder[-1][1].shape) > 1:
-        ladder.append(base_kernels.pull(*ladder[-1]))
+        ladder.append(pull(*ladder[-1]))
     top, top_weight = ladder.pop()
     value = (top / np.maximum(top_weight, np.float32(1e-9))[..., None]).astype(np.float32)
     mean = value[0, 0].astype(np.float64)
     for level in reversed(ladder):
-        value = base_kernels.push(*level, value)
-    base_kernels.relax(value, usable, cells[~known.ravel()[cells]], mean, SCREEN, 40)
+        value = push(*level, value)
+    relax(value, usable, cells[~known.ravel()[cells]], mean, SCREEN, 40)
     return value
+
+
+def divide_into_cells(
+    color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Labels, spoiled: BoolArray
+) -> tuple[Cells, int]:
+    """The cells of arrays of one size (H x W), and the pixels along a side of each; what is `spoiled` counts only where all of
+    its surface is."""
+    size = max(1, -(-max(hole.shape) // LONGER_SIDE))
+    trusted = trusted_labels(hole, inverse_depth, label)
+    if spoiled.any():
+        left = np.flatnonzero(count_labels(trusted, ~spoiled)) + UNTRUSTED
+        trusted[spoiled & is_one_of(trusted, left)] = UNTRUSTED
+    return shrink(color, inverse_depth, trusted, size), size
+
+
+def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Labels:
+    """H x W: the label of every pixel that shows its surface's own colour, UNTRUSTED elsewhere.
+
+    Trusted pixels are two pixels from holes and nearer surfaces; closer ones count where too few are left (FEW, SHARE_LEFT).
+    """
+    trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, np.int8(UNTRUSTED))
+    needed, known = count_labels(label, hole), count_labels(label, ~hole)
+    for reach in (1, 0):
+        enough = count_labels(trusted, ~hole) > np.maximum(FEW, SHARE_LEFT * known)
+        missing = np.flatnonzero((needed > 0) & ~enough) + UNTRUSTED
+        if len(missing):
+            near = is_one_of(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
+            trusted[near] = label[near]
+    return trusted
+
+
+def count_labels(label: Labels, where: BoolArray) -> NDArray[np.int64]:
+    """How many pixels of `where` (H x W) have each label (H x W), from UNTRUSTED on."""
+    out = np.zeros(256, np.int64)
+    for first in range(0, len(label), COUNTED_ROWS):  # OpenCV gives float32, which counts to 16 million
+        codes, counted = (one[first : first + COUNTED_ROWS].view(np.uint8) for one in (label, where))
+        out += cv2.calcHist([codes], [0], counted, [256], [0, 256]).ravel().astype(np.int64)
+    return np.roll(out, -UNTRUSTED)
+
+
+def is_one_of(label: Labels, numbers: NDArray[np.int64]) -> BoolArray:
+    """H x W, True where the label (H x W) is one of the few `numbers`."""
+    out = np.zeros(label.shape, np.bool_)
+    for number in numbers.tolist():
+        out |= label == number
+    return out

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import reference.base_color as twin
-from dlama.inpainters.layered.kernels import base_color as base_kernels
-from dlama.inpainters.layered.kernels import cells as cell_kernels
+from dlama.inpainters.layered.kernels import cells as kernels
 
 SHAPE = (17, 22)
 
@@ -31,7 +30,7 @@ def test_trusted_sources(rng, reach):
     """Oracle: literal twin."""
     _, hole, depth, label = picture(rng)
     np.testing.assert_array_equal(
-        cell_kernels.trusted_sources(hole, depth, label, reach), twin.trusted_sources(hole, depth, label, reach)
+        kernels.trusted_sources(hole, depth, label, reach), twin.trusted_sources(hole, depth, label, reach)
     )
 
 
@@ -40,9 +39,7 @@ def test_shrink(rng, factor):
     """Oracle: literal twin."""
     color, hole, depth, label = picture(rng)
     source = np.where(hole | (rng.random(SHAPE) < 0.2), -2, label).astype(np.int8)
-    for ours, theirs in zip(
-        cell_kernels.shrink(color, depth, source, factor), twin.shrink(color, depth, source, factor)
-    ):
+    for ours, theirs in zip(kernels.shrink(color, depth, source, factor), twin.shrink(color, depth, source, factor)):
         np.testing.assert_allclose(ours, theirs, atol=1e-4)
 
 
@@ -50,11 +47,11 @@ def test_pyramid(rng):
     """Oracle: literal twin of pull and push."""
     weights = (1.4 * rng.random(SHAPE) * (rng.random(SHAPE) < 0.6)).astype(np.float32)
     sums = (weights[..., None] * rng.uniform(0, 255, (*SHAPE, 3))).astype(np.float32)
-    coarse = base_kernels.pull(sums, weights)
+    coarse = kernels.pull(sums, weights)
     for ours, theirs in zip(coarse, twin.pull(sums, weights)):
         np.testing.assert_allclose(ours, theirs, rtol=1e-5)
     grid = rng.uniform(0, 255, coarse[0].shape).astype(np.float32)
-    np.testing.assert_allclose(base_kernels.push(sums, weights, grid), twin.push(sums, weights, grid), atol=1e-3)
+    np.testing.assert_allclose(kernels.push(sums, weights, grid), twin.push(sums, weights, grid), atol=1e-3)
 
 
 def test_relax(rng):
@@ -64,5 +61,5 @@ def test_relax(rng):
     base = rng.uniform(0, 255, (*SHAPE, 3)).astype(np.float32)
     mean = np.array([10.0, 100.0, 200.0])
     theirs = twin.relax(base, usable, cells, mean, 0.1, 6)
-    base_kernels.relax(base, usable, cells, mean, 0.1, 6)
+    kernels.relax(base, usable, cells, mean, 0.1, 6)
     np.testing.assert_allclose(base, theirs, atol=1e-2)
