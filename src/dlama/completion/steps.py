@@ -136,9 +136,7 @@ def complete_views(
     """The views of cameras, each of which sees what was filled before, first in the frames that matter for them; the reports of
     all that was filled, frames first; and the scene with it."""
     fills: list[FillReport] = []
-    own: CompletedView | None = (
-        None  # the last frame, where a camera asks for just that and the scene still shows it so
-    )
+    own: CompletedView | None = None  # the last frame, where a camera asks for just that and the scene still shows it
     for place in frames_to_fill(plan, scene, cameras):
         own, filled = complete_frame(plan, scene, place, clock)
         scene = filled

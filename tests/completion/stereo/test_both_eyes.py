@@ -196,12 +196,9 @@ def test_a_given_disparity_and_a_matcher() -> None:
 def test_a_disparity_in_whole_numbers_is_refused() -> None:
     """Law: OpenCV's matchers give int16 sixteenths of a pixel; taken as pixels all was sixteen times too near."""
     sixteenths = np.round(16 * matches(SCENE)[0]).astype(np.int16)
-    with pytest.raises(InputError, match=r"disparity is int16; pixels as floating-point .*disparity / 16 of OpenCV"):
-        stereo(*pictures(), RIG, disparity=sixteenths)  # type: ignore[arg-type]
-    with pytest.raises(
-        InputError, match=r"matcher returned is int16; pixels as floating-point .*disparity / 16 of OpenCV"
-    ):
-        stereo(*pictures(), RIG, matcher=lambda *_: (sixteenths, sixteenths))
+    for given in ({"disparity": sixteenths}, {"matcher": lambda *_: (sixteenths, sixteenths)}):
+        with pytest.raises(InputError, match=r" is int16; pixels as floating-point .*disparity / 16 of OpenCV"):
+            stereo(*pictures(), RIG, **given)  # type: ignore[arg-type]
 
 
 def test_a_matcher_is_held_to_what_is_expected_of_a_disparity() -> None:

@@ -110,8 +110,8 @@ def test_without_a_known_patch_the_guess_stays(hole: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (5, 90), (33, 47)])
-def test_any_size(shape: tuple[int, int]) -> None:
-    """Law: small and odd pictures come back filled, known pixels as they were."""
+def test_pictures_of_any_size_are_filled(shape: tuple[int, int]) -> None:
+    """Law: known pixels as they were."""
     picture = np.random.default_rng(0).integers(0, 256, (*shape, 3), np.uint8)
     hole = np.zeros(shape, np.bool_)
     hole[: shape[0] // 2 + 1, : shape[1] // 3 + 1] = True

@@ -151,12 +151,9 @@ def merge_boxes(boxes: np.ndarray, layout: Layout) -> tuple[np.ndarray, np.ndarr
     owner, alive = np.arange(len(boxes)), np.ones(len(boxes), bool)
     k = 0
     while k < len(boxes):
-        both = np.concatenate([np.minimum(boxes[k], boxes)[:, ::2], np.maximum(boxes[k], boxes)[:, 1::2]], 1)[
-            :, [0, 2, 1, 3]
-        ]
-        gain = np.where(
-            alive, pixel_cost(boxes, layout) + pixel_cost(boxes[k : k + 1], layout) - pixel_cost(both, layout), -1
-        )
+        both = np.where([True, False, True, False], np.minimum(boxes[k], boxes), np.maximum(boxes[k], boxes))
+        cost = pixel_cost(boxes, layout)
+        gain = np.where(alive, cost + cost[k] - pixel_cost(both, layout), -1)
         gain[k] = -1
         best = int(gain.argmax())
         if not alive[k] or gain[best] < 0:
