@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.evaluation.metrics.masks import darkened_by_shadow
+from dlama.evaluation.metrics.regions import darkened_by_shadow
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array

@@ -18,7 +18,7 @@ import numpy as np
 
 from clicks import interval
 from dlama.datasets.frames import RemovalTruth
-from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow, outside_contact_band
+from dlama.evaluation.metrics.regions import SMALLEST_SHADOW_PX, darkened_by_shadow, outside_contact_band
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.find import find_shadow

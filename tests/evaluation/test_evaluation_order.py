@@ -17,7 +17,7 @@ def test_metrics_know_no_protocol_and_nothing_that_measures_knows_the_report() -
     """A metric is pure, and a change of the report leaves every result as it is."""
     for folder in ORDER:
         files = list((SOURCE / "evaluation" / folder).glob("*.py"))
-        assert len(files) > 4
+        assert len(files) > 3
         for file in files:
             assert offences(folder, file.read_text(encoding="utf-8")) == [], file
 

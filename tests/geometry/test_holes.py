@@ -18,6 +18,7 @@ from dlama.geometry.holes import (
     erode_mask,
     erode_square,
     fill_with_nearest,
+    iou,
     morphological_close,
     morphological_open,
     nearest_known,
@@ -158,3 +159,11 @@ def test_means_are_of_what_counts() -> None:
     found = box_mean(np.where(weight > 0, 7, np.float32(1e6)).astype(np.float32), weight, 5)
     np.testing.assert_allclose(found[:21], 7, rtol=1e-5)
     assert found.dtype == np.float32 and not found[39].any()
+
+
+def test_iou_of_shifted_squares() -> None:
+    """Half a square off: 200 of 600 pixels."""
+    one, other = np.zeros((2, 60, 60), bool)
+    one[10:30, 10:30] = other[10:30, 20:40] = True
+    assert iou(one, other) == pytest.approx(1 / 3)
+    assert iou(one, one) == 1 and iou(one & False, one & False) == 0

@@ -90,15 +90,11 @@ def test_regions_of_grey_depth_and_empty_ones() -> None:
     assert np.isnan(lpips(mine, truth, ~truth.astype(np.bool_)))
 
 
-def test_wrong_pictures_are_refused() -> None:
-    """Too small, of other sizes, no uint8: what came and what was wanted."""
-    small, large = np.zeros((30, 64, 3), np.uint8), np.zeros((64, 64, 3), np.uint8)
+def test_small_pictures_are_refused() -> None:
+    """What came and what was expected."""
+    small = np.zeros((30, 64, 3), np.uint8)
     with pytest.raises(ShapeError, match="64x30; 31x31 or more is expected"):
         lpips(small, small)
-    with pytest.raises(ShapeError, match="one size is expected"):
-        lpips(small, large)
-    with pytest.raises(ShapeError, match="float64"):
-        features(large / 255)
 
 
 def test_the_shipped_file_is_small_and_carries_its_notices() -> None:

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from dlama.errors import ShapeError
 from dlama.evaluation.metrics.depth import disparity_errors, left_right_difference, visible_in_right
 from reference.metrics_twin import left_right
 
@@ -78,11 +77,3 @@ def test_any_disparity_agrees_with_the_twin(colour: bool) -> None:
     disparity[disparity < 0] = 0
     assert 0.2 < visible_in_right(disparity).mean() < 0.7
     assert left_right_difference(left, right, disparity) == pytest.approx(left_right(left, right, disparity))
-
-
-def test_wrong_shapes_are_refused() -> None:
-    """What came and what was wanted."""
-    with pytest.raises(ShapeError, match=r"mine is \(1, 1\) and the truth \(1, 2\)"):
-        disparity_errors(row(1), row(1, 1))
-    with pytest.raises(ShapeError, match="one size is expected"):
-        left_right_difference(*np.zeros((2, 1, 3, 3), np.uint8), row(1, 1))

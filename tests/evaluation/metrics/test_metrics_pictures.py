@@ -57,8 +57,6 @@ def test_region_mean_by_hand() -> None:
     assert region_mean(values, np.array([[True, False], [True, False]])) == 2
     assert region_mean(values) == 4
     assert math.isnan(region_mean(values, np.zeros((2, 2), np.bool_)))
-    with pytest.raises(ShapeError, match="region is uint8"):
-        region_mean(values, np.ones((2, 2), np.uint8))  # type: ignore[arg-type]
 
 
 def test_depth_8bit_by_hand() -> None:
@@ -92,9 +90,7 @@ def test_gain_of_equal_pictures_is_one_and_so_is_that_of_too_few_pixels() -> Non
     assert channel_gain(white, TRUTH, everywhere) == (1.0, 1.0, 1.0)
 
 
-def test_wrong_shapes_are_refused() -> None:
-    """What came and what was wanted."""
-    with pytest.raises(ShapeError, match=r"truth is \(20, 31, 3\) and mine \(20, 30, 3\)"):
-        mse_map(TRUTH, MINE[:, :30])
+def test_small_pictures_are_refused() -> None:
+    """What came and what was expected."""
     with pytest.raises(ShapeError, match="31x6; SSIM needs 7 pixels or more"):
         ssim_map(TRUTH[:6], MINE[:6])

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from dlama.errors import ShapeError, import_extra
+from dlama.errors import import_extra
 from dlama.evaluation.metrics.pictures import SETTINGS
 from dlama.geometry.camera import Float64Array
 
@@ -25,22 +25,14 @@ def cloud_scores(estimate: Float64Array, truth: Float64Array) -> dict[str, float
         accuracy (metres, estimate to truth), completeness (metres, truth to estimate); per threshold fscore_0.02 (0..1).
         Where one cloud is empty, distances are nan and shares 0; where both are, there is nothing to score and all is nan.
     Raises:
-        ShapeError: no N x 3, or a point that is not finite.
         MissingExtraError: scipy is not installed.
     """
-    for name, points in (("estimate", estimate), ("truth", truth)):
-        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-            raise ShapeError(f"cloud: the {name} is {points.shape}; N x 3 finite numbers are expected")
     there, back = nearest_distances(estimate, truth), nearest_distances(truth, estimate)
-    scores = {
-        "accuracy": _mean(there),
-        "completeness": _mean(back),
-    }
+    scores = {"accuracy": _mean(there), "completeness": _mean(back)}
     for threshold in SETTINGS.cloud_thresholds_m:
         precision, recall = _share(there, threshold), _share(back, threshold)
         both = precision + recall
-        fscore = 2 * precision * recall / both if both > 0 else 0.0
-        scores[f"fscore_{threshold:.2f}"] = fscore
+        scores[f"fscore_{threshold:.2f}"] = 2 * precision * recall / both if both > 0 else 0.0
     if len(estimate) + len(truth) == 0:
         return dict.fromkeys(scores, math.nan)
     return scores

@@ -19,7 +19,6 @@ import math
 
 import numpy as np
 
-from dlama.errors import ShapeError
 from dlama.evaluation.metrics.pictures import SETTINGS, mean_or_nan
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -35,10 +34,7 @@ def depth_errors(mine: Float32Array, truth: Float32Array, region: BoolArray | No
     Returns:
         mae, rmse (metres), absrel, delta1.05, delta1.25, coverage (0..1); nan where no pixel
         counts.
-    Raises:
-        ShapeError: the shapes differ.
     """
-    _check_shapes("depth", mine, truth, region)
     chosen = slice(None) if region is None else region
     there, guess = (np.nan_to_num(d[chosen].astype(np.float64).ravel(), posinf=np.inf) for d in (truth, mine))
     known = there > 0
@@ -46,14 +42,6 @@ def depth_errors(mine: Float32Array, truth: Float32Array, region: BoolArray | No
     limit = SETTINGS.depth_clip_m
     cut = np.where(guess > 0, np.minimum(guess, limit), limit) - np.minimum(there, limit)
     return {"mae": mean_or_nan(np.abs(cut)), "rmse": math.sqrt(mean_or_nan(cut**2)), **_valid_errors(guess, there)}
-
-
-def _check_shapes(what: str, mine: Float32Array, truth: Float32Array, region: BoolArray | None) -> None:
-    for name, array in (("mine", mine), ("the region", region)):
-        if array is not None and array.shape != truth.shape:
-            raise ShapeError(f"{what}: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
-    if region is not None and region.dtype != np.bool_:
-        raise ShapeError(f"{what}: the region is {region.dtype}; bool is expected")
 
 
 def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
@@ -84,10 +72,7 @@ def disparity_errors(mine: Float32Array, truth: Float32Array, region: BoolArray 
     Returns:
         bad-1, bad-2 (shares 0..1 that are off by more than 1 or 2 pixels; a missing estimate is bad), epe (mean
         error in pixels where the estimate is there), coverage (the share where it is); nan where no pixel counts.
-    Raises:
-        ShapeError: the shapes differ.
     """
-    _check_shapes("disparity", mine, truth, region)
     counted = _is_known(truth) if region is None else _is_known(truth) & region
     guess, there = mine[counted].astype(np.float64), truth[counted].astype(np.float64)
     given = _is_known(guess)
@@ -114,17 +99,12 @@ def left_right_difference(
         region: H x W of the left picture; None = everywhere.
     Returns:
         nan where no pixel is left.
-    Raises:
-        ShapeError: the shapes differ.
     """
-    hw = disparity.shape
-    if left.shape != right.shape or left.shape[:2] != hw or (region is not None and region.shape != hw):
-        raise ShapeError(f"left is {left.shape}, right {right.shape}, disparity {hw}; one size is expected")
     counted = visible_in_right(disparity)
     rows, columns = np.nonzero(counted if region is None else counted & region)
     at = columns - disparity[rows, columns].astype(np.float64)
     first = np.floor(at).astype(np.int64)
-    second = np.minimum(first + 1, hw[1] - 1)
+    second = np.minimum(first + 1, disparity.shape[1] - 1)
     weight = (at - first).reshape(-1, *[1] * (left.ndim - 2))
     warped = (1 - weight) * right[rows, first] + weight * right[rows, second]
     return mean_or_nan(np.abs(left[rows, columns] - warped).ravel())

@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 
 from dlama.errors import ShapeError, format_size
-from dlama.evaluation.metrics.pictures import SETTINGS
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.models.network_file import NetworkFile
@@ -38,14 +37,10 @@ def lpips(mine: UInt8Array, truth: UInt8Array, region: BoolArray | None = None) 
         mine, truth: uint8, H x W x 3 or H x W, sides >= 31.
         region: H x W.
     Raises:
-        ShapeError: the shapes differ, or a side is too short.
+        ShapeError: a side is too short.
     """
-    if mine.shape != truth.shape or (region is not None and region.shape != truth.shape[:2]):
-        came = "" if region is None else f", region {region.shape}"
-        raise ShapeError(f"LPIPS: mine is {mine.shape}, truth {truth.shape}{came}; one size is expected")
     if region is None:
         return distance(features(truth), features(mine))
-    _refuse_others(truth)
     if not region.any():
         return math.nan
     inside = region if truth.ndim == 2 else region[..., None]
@@ -59,9 +54,12 @@ def features(picture: UInt8Array) -> Features:
     Args:
         picture: uint8, H x W x 3 RGB, or H x W (depth), which is replicated to three channels; sides >= 31.
     Raises:
-        ShapeError: no such picture.
+        ShapeError: a side is too short.
     """
-    _refuse_others(picture)
+    if min(picture.shape[:2]) < SMALLEST_SIDE:
+        raise ShapeError(
+            f"LPIPS: the picture is {format_size(picture.shape)}; {SMALLEST_SIDE}x{SMALLEST_SIDE} or more is expected"
+        )
     return _features(picture.tobytes(), picture.shape)
 
 
@@ -91,20 +89,10 @@ def _network() -> NetworkFile:
     return NetworkFile(NETWORK, "cpu", threads=1)  # frames run side by side
 
 
-def _refuse_others(picture: UInt8Array) -> None:
-    if picture.dtype != np.uint8 or picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] != 3):
-        raise ShapeError(f"LPIPS: the picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 or H x W is expected")
-    if min(picture.shape[:2]) < SMALLEST_SIDE:
-        raise ShapeError(
-            f"LPIPS: the picture is {format_size(picture.shape)}; {SMALLEST_SIDE}x{SMALLEST_SIDE} or more is expected"
-        )
-
-
 def _network_input(picture: UInt8Array) -> Float32Array:
     """1 x 3 x H x W float32, 0..255 brought to -1..1."""
-    low, high = SETTINGS.lpips_low, SETTINGS.lpips_high
     planes = np.broadcast_to(picture if picture.ndim == 3 else picture[..., None], (*picture.shape[:2], 3))
-    scaled = planes.astype(np.float32) * np.float32((high - low) / 255) + np.float32(low)
+    scaled = planes.astype(np.float32) * np.float32(2 / 255) - np.float32(1)
     return np.ascontiguousarray(scaled.transpose(2, 0, 1)[None])
 
 

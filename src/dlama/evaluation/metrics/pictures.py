@@ -21,24 +21,14 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 @dataclass(frozen=True)
 class MetricSettings:
-    """Every number that a metric's value depends on. A colour picture's SSIM is the mean of its channels'."""
+    """Every number that a metric's value depends on besides published constants. Colour's SSIM is the mean of its channels'."""
 
     data_range: float = 255.0
     """Of SSIM and PSNR: pictures are 0..255."""
     ssim_window: int = 7
-    """Pixels, the side of SSIM's square window."""
-    ssim_gaussian: bool = False
-    """False: all pixels of the window weigh the same."""
-    ssim_sample_covariance: bool = True
-    """True: variances are divided by n - 1."""
-    ssim_k1: float = 0.01
-    ssim_k2: float = 0.03
-    lpips_low: float = -1.0
-    """What level 0 is for the network; `lpips_high` is level 255."""
-    lpips_high: float = 1.0
+    """Pixels, the side of SSIM's square window, whose pixels weigh the same."""
     depth_clip_m: float = 10.0
     """Metres: 8-bit depth is 255 from here on (the paper's clip), and `mae` and `rmse` of depth are cut here."""
-    depth_levels: int = 255
     depth_deltas: tuple[float, ...] = (1.05, 1.25)
     cloud_thresholds_m: tuple[float, ...] = (0.02, 0.05, 0.10)
     disparity_bad_px: tuple[float, ...] = (1.0, 2.0)
@@ -60,10 +50,9 @@ def ssim_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
     Returns:
         H x W, in -1..1.
     Raises:
-        ShapeError: shapes differ, or a side is shorter than the window.
+        ShapeError: a side is shorter than the window.
         MissingExtraError: scikit-image is not installed.
     """
-    _refuse_differences(truth, mine)
     if min(truth.shape[:2]) < SETTINGS.ssim_window:
         raise ShapeError(
             f"pictures are {format_size(truth.shape)}; SSIM needs {SETTINGS.ssim_window} pixels or more a side"
@@ -72,10 +61,6 @@ def ssim_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
         truth.astype(np.float64),
         mine.astype(np.float64),
         win_size=SETTINGS.ssim_window,
-        gaussian_weights=SETTINGS.ssim_gaussian,
-        use_sample_covariance=SETTINGS.ssim_sample_covariance,
-        K1=SETTINGS.ssim_k1,
-        K2=SETTINGS.ssim_k2,
         data_range=SETTINGS.data_range,
         channel_axis=2 if truth.ndim == 3 else None,
         full=True,
@@ -84,14 +69,7 @@ def ssim_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
 
 
 def mse_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
-    """Squared difference of every pixel, the mean over channels: H x W, in 0..65025 (levels squared).
-
-    Its mean over a region is the MSE there; over the whole picture it is scikit-image's `mean_squared_error`.
-
-    Raises:
-        ShapeError: the shapes differ, or are no picture's.
-    """
-    _refuse_differences(truth, mine)
+    """Squared difference of every pixel, the mean over channels: H x W, in 0..65025 (levels squared)."""
     squared = (truth.astype(np.float64) - mine.astype(np.float64)) ** 2
     return squared.mean(2) if squared.ndim == 3 else squared
 
@@ -103,11 +81,7 @@ def psnr(mse: float) -> float:
 
 def region_mean(values: Float64Array, region: BoolArray | None = None) -> float:
     """Mean of an H x W map over a region (None = everywhere); nan where the region is empty."""
-    if region is None:
-        return float(values.mean())
-    if region.shape != values.shape or region.dtype != np.bool_:
-        raise ShapeError(f"the region is {region.dtype} {region.shape}; bool {values.shape} is expected")
-    return mean_or_nan(values[region])
+    return float(values.mean()) if region is None else mean_or_nan(values[region])
 
 
 def mean_or_nan(values: NDArray[Any]) -> float:
@@ -123,7 +97,7 @@ def depth_8bit(depth: Float32Array) -> UInt8Array:
     """
     metres = np.where(np.isnan(depth), 0.0, depth).astype(np.float64)
     limit = SETTINGS.depth_clip_m
-    return np.rint(np.clip(metres, 0.0, limit) * (SETTINGS.depth_levels / limit)).astype(np.uint8)
+    return np.rint(np.clip(metres, 0.0, limit) * (255 / limit)).astype(np.uint8)
 
 
 def channel_gain(mine: UInt8Array, truth: UInt8Array, region: BoolArray) -> tuple[float, float, float]:
@@ -136,7 +110,6 @@ def channel_gain(mine: UInt8Array, truth: UInt8Array, region: BoolArray) -> tupl
     Returns:
         Three factors; 1 for a channel with fewer than 100 usable pixels.
     """
-    _refuse_differences(truth, mine)
     gains = [_gain(mine[..., c][region].astype(float), truth[..., c][region].astype(float)) for c in range(3)]
     return gains[0], gains[1], gains[2]
 
@@ -152,11 +125,3 @@ def _gain(mine: Float64Array, truth: Float64Array) -> float:
         fits = residual <= max(2 * float(np.median(residual)), 1.0)
         gain = float(truth[fits].sum() / mine[fits].sum())
     return gain
-
-
-def _refuse_differences(truth: UInt8Array, mine: UInt8Array) -> None:
-    if truth.shape != mine.shape or truth.ndim not in (2, 3) or (truth.ndim == 3 and truth.shape[2] != 3):
-        raise ShapeError(f"truth is {truth.shape} and mine {mine.shape}; twice H x W or H x W x 3 is expected")
-    for name, array in (("truth", truth), ("mine", mine)):
-        if array.dtype != np.uint8:
-            raise ShapeError(f"{name} is {array.dtype}; uint8 is expected")

@@ -19,12 +19,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.holes import dilate_mask
+from dlama.geometry.holes import box_mean, dilate_mask
 from dlama.geometry.projection import inverse_depth, px_from_px
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
@@ -34,6 +34,14 @@ SAME_DISPARITY_PX = 1.0
 """The same for a rectified pair, in pixels of disparity."""
 SMALLEST_WEIGHT = 1e-6
 """Bilinear weight, 0..1, up to which a neighbouring pixel does not count: coordinates on a pixel's centre are not exact."""
+DARKER = 0.1
+"""Share of its luma that a pixel loses at least in a shadow,"""
+DARKER_LEVELS = 3.0
+"""and levels of 0..255: less is compression."""
+SMALLEST_SHADOW_PX = 60
+"""A smaller shadow counts as none."""
+EDGE_PX = 2
+"""Around the object colours are mixes of it and the background."""
 
 IndexArray = NDArray[np.int64]
 Regions = dict[str, BoolArray]
@@ -79,11 +87,7 @@ def source_visibility(source: RGBD, target: RGBD, object_mask: BoolArray | None 
     Args:
         source, target: with their true depths and cameras, in one world.
         object_mask: H x W of the source, True = the object; what it hides is a type of its own.
-    Raises:
-        ShapeError: the mask is not of the source's size.
     """
-    if object_mask is not None and object_mask.shape != source.camera.hw:
-        raise ShapeError(f"the object mask is {object_mask.shape}; {source.camera.hw} of the source is expected")
     x, y, w, inside = project_target(source, target)
     column, row = (clip_index(np.floor(at), size) for at, size in zip((x, y), source.camera.wh))
     there = np.where(source.missing, np.nan, inverse_depth(source.depth)).astype(np.float64)
@@ -239,3 +243,19 @@ def warp_row(
 def is_known(disparity: Float32Array) -> BoolArray:
     """H x W, True where a disparity was given."""
     return np.isfinite(disparity) & (disparity != 0)
+
+
+def outside_contact_band(mask: BoolArray) -> BoolArray:
+    """H x W, False on an object and within EDGE_PX of it, where a mask with its shadow holds the contact line."""
+    return ~dilate_mask(mask, EDGE_PX)
+
+
+def darkened_by_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArray:
+    """H x W, True where an object reduces the luma by a tenth or more, outside its mask; means of 3 x 3 px are compared.
+
+    color, without: H x W x 3, the picture with and without the object.
+    """
+    outside = outside_contact_band(mask).astype(np.float32)
+    luma = [cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(np.float32) for each in (color, without)]
+    shown, true = (box_mean(each, outside, 3) for each in luma)
+    return np.asarray((true - shown >= np.maximum(DARKER * true, DARKER_LEVELS)) & (outside > 0))

@@ -102,8 +102,6 @@ class Scored:
     with a `+` in results.csv."""
     panel: UInt8Array | None = None
     """H x W x 3, a strip of small pictures for the report (`dlama.evaluation.protocols.strips`)."""
-    meta: Mapping[str, Any] = field(default_factory=dict)
-    """The completion's own meta data."""
     view: View | None = None
     """What is scored, of the run itself; of a pair its left view."""
 

@@ -18,9 +18,8 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, Truth
 from dlama.evaluation.metrics.clouds import cloud_scores
-from dlama.evaluation.metrics.masks import SMALLEST_SHADOW_PX, darkened_by_shadow
 from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map, region_mean
-from dlama.evaluation.metrics.regions import removal_regions
+from dlama.evaluation.metrics.regions import SMALLEST_SHADOW_PX, darkened_by_shadow, removal_regions
 from dlama.evaluation.protocols.methods import (
     Measure,
     Method,
@@ -50,12 +49,12 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     assert isinstance(truth, RemovalTruth)
     run, measures = run_with(truth.mask, truth, method, settings)
     shown = picture_panel(run, reference_of(truth, settings), truth.source, truth.without)
-    scored = [Scored(measures, panel=shown, meta=run.completion.meta, view=run.view())]
+    scored = [Scored(measures, panel=shown, view=run.view())]
     for change in filter(None, settings.mask_changes):
         mask = grow_or_shrink(truth.mask, change)
         if mask.any() and not mask.all():
-            run, measures = run_with(mask, truth, method, settings)
-            scored.append(Scored(measures, f"mask{change:+d}", meta=run.completion.meta))
+            _, measures = run_with(mask, truth, method, settings)
+            scored.append(Scored(measures, f"mask{change:+d}"))
     return scored
 
 

@@ -91,7 +91,7 @@ def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings
         measures += artifact_measures(run, view, left, "mask", truth.mask_left, truth.without_left, None)
     source = RGBD(truth.left, depth_from_disparity(truth.disparity_left, truth.rig), truth.rig.left)
     shown = picture_panel(run, left, source, truth.without_left, 0)
-    return Scored(tuple(measures), panel=shown, meta=run.completion.meta, view=run.view(0))
+    return Scored(tuple(measures), panel=shown, view=run.view(0))
 
 
 @lru_cache(maxsize=1)
@@ -138,7 +138,7 @@ def score_right(truth: StereoTruth, run: MethodRun, source: RGBD, settings: Prot
     if run.method.fills:
         measures += right_disparity(truth, reference, view.depth)
     shown = None if variant else picture_panel(run, reference, source, target)
-    return Scored(tuple(measures), variant, shown, run.completion.meta, None if variant else view)
+    return Scored(tuple(measures), variant, shown, None if variant else view)
 
 
 @lru_cache(maxsize=1)

@@ -50,7 +50,7 @@ def score_view(truth: ViewTruth, method: Method, settings: ProtocolSettings, dil
     ]
     panel = None if removed else picture_panel(run, reference, truth.source, target)
     variant, view = (f"object,dilate={dilate}", None) if removed else ("", run.view())
-    return Scored(tuple(measures), variant, panel, run.completion.meta, view)
+    return Scored(tuple(measures), variant, panel, view)
 
 
 def target_frame(truth: ViewTruth, without_object: bool) -> RGBD:

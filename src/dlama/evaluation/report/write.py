@@ -19,9 +19,8 @@ from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, prot
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
 from dlama.evaluation.report.templates import template
 from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
-from dlama.evaluation.runner.run import Results
+from dlama.evaluation.runner.run import Outcome, Results
 from dlama.evaluation.runner.store import write_rows
-from dlama.evaluation.runner.worker import Outcome
 from dlama.writing.atomic_write import write_file
 
 CHOICES = ("protocol", "yaw", "method")
