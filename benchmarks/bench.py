@@ -43,8 +43,7 @@ from dlama.evaluation.metrics.lpips import distance_map, features
 from dlama.evaluation.metrics.pictures import mse_map
 from dlama.evaluation.protocols import ori, vpi
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, run_method
-from dlama.evaluation.protocols.reliability import reliability_measures
-from dlama.evaluation.protocols.scores import Reference
+from dlama.evaluation.protocols.scores import Reference, reliability_measures
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from rules import RULES, without

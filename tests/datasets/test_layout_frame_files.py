@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
+from dlama.datasets.posed.lenses import register_depth, warp_depth
 from dlama.datasets.posed.numbered_frames import COLOR_FROM_DEPTH, COLOR_LENS, DEPTH_LENS
-from dlama.datasets.posed.registered_depth import register_depth, warp_depth
 from dlama.errors import CameraError, InputError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera

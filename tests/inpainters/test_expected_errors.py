@@ -16,7 +16,7 @@ from dlama.completion.pipeline import complete
 from dlama.completion.report import expected_errors
 from dlama.errors import ShapeError
 from dlama.evaluation.metrics.reliability import calibration
-from dlama.evaluation.protocols.reliability import depth_deviation
+from dlama.evaluation.protocols.scores import depth_deviation
 from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.motion.trajectories import orbit

@@ -11,7 +11,7 @@ from dlama.datasets.frames import ViewTruth
 from dlama.evaluation.metrics.reliability import BINS
 from dlama.evaluation.protocols import vpi
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings
-from dlama.evaluation.protocols.reliability import MODALITY, REGION, reliability_measures
+from dlama.evaluation.protocols.scores import MODALITY, REGION, reliability_measures
 from dlama.evaluation.report.reliability import (
     reliability_lines,
     reliability_tables,

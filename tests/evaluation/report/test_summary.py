@@ -23,7 +23,6 @@ from dlama.evaluation.report.columns import (
     format_value,
     paper_value,
 )
-from dlama.evaluation.report.headlines import headlines
 from dlama.evaluation.report.paired_comparison import paired_comparison
 from dlama.evaluation.report.sections import Section, sections
 from dlama.evaluation.report.summary import (
@@ -43,7 +42,7 @@ from dlama.evaluation.report.tables import (
     variant_of,
     variants,
 )
-from dlama.evaluation.report.write import render
+from dlama.evaluation.report.write import headlines, render
 from dlama.evaluation.runner.store import Row
 
 

@@ -12,9 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import files_of_capture
 from dlama.datasets.posed.lenses import Lens
-from dlama.datasets.posed.posed_frames import Listed
+from dlama.datasets.posed.posed_frames import Listed, files_of_capture
 from dlama.datasets.text_tables import files_by_stem, holds, nearest_in_time, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array

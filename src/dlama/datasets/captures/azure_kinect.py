@@ -18,10 +18,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import MOST_ENLARGED
-from dlama.datasets.posed.lenses import Lens
-from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Listed
-from dlama.datasets.posed.registered_depth import register_depth
+from dlama.datasets.posed.lenses import Lens, register_depth
+from dlama.datasets.posed.posed_frames import LOG, MOST_ENLARGED, FrameFiles, Listed
 from dlama.datasets.text_tables import nearest_in_time, pose_at
 from dlama.errors import FileError, format_size
 from dlama.files.fields import FileFields, json_fields

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import files_of_capture
 from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
-from dlama.datasets.posed.posed_frames import Listed
+from dlama.datasets.posed.posed_frames import Listed, files_of_capture
 from dlama.datasets.text_tables import files_by_stem, pose_at
 from dlama.files.fields import read_json_fields
 

@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import lidar_frame
 from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
-from dlama.datasets.posed.posed_frames import Listed
+from dlama.datasets.posed.posed_frames import Listed, lidar_frame
 from dlama.datasets.text_tables import pose_of
 from dlama.errors import FileError, any_error, format_size, import_extra
 from dlama.files.fields import FileFields, json_fields

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.captures import realsense
-from dlama.datasets.captures.captured_frames import MOST_ENLARGED
 from dlama.datasets.captures.ros_messages import (
     Topic,
     Track,
@@ -35,10 +34,9 @@ from dlama.datasets.captures.ros_messages import (
     seconds_of,
     times_to_match,
 )
-from dlama.datasets.posed.lenses import Lens
+from dlama.datasets.posed.lenses import Lens, register_depth
 from dlama.datasets.posed.nerfstudio import SHOWS_PX
-from dlama.datasets.posed.posed_frames import LOG, FrameFiles, Listed
-from dlama.datasets.posed.registered_depth import register_depth
+from dlama.datasets.posed.posed_frames import LOG, MOST_ENLARGED, FrameFiles, Listed
 from dlama.datasets.text_tables import NEAREST_S, nearest_in_time
 from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import FileFields

@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from dlama.datasets.captures.captured_frames import lidar_frame
 from dlama.datasets.posed.lenses import Lens
-from dlama.datasets.posed.posed_frames import Listed
+from dlama.datasets.posed.posed_frames import Listed, lidar_frame
 from dlama.datasets.text_tables import files_by_stem, natural_order, pose_at
 from dlama.errors import CameraError, FileError, any_error, import_extra
 from dlama.files.fields import read_json_fields

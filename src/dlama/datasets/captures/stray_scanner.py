@@ -13,9 +13,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from dlama.datasets.captures.captured_frames import levels_of_png, lidar_frame
 from dlama.datasets.posed.lenses import Lens, read_lens
-from dlama.datasets.posed.posed_frames import Listed
+from dlama.datasets.posed.posed_frames import Listed, levels_of_png, lidar_frame
 from dlama.datasets.text_tables import Row, files_by_stem, holds, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth

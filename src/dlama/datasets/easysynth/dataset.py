@@ -9,16 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.easysynth.frames import (
+    POSES,
+    CameraPair,
     RenderedFrame,
+    RenderedSequence,
     class_mask,
     load_removal,
     load_stereo,
     load_view,
-)
-from dlama.datasets.easysynth.listing import (
-    POSES,
-    CameraPair,
-    RenderedSequence,
     read_sequence,
     sequence_folders,
 )

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from dlama.datasets.easysynth.listing import COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
+from dlama.datasets.easysynth.frames import COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
 from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
 from dlama.errors import OutputError
 from dlama.files.rasters.depth import write_depth_png

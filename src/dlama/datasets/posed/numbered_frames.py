@@ -17,9 +17,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from dlama.datasets.posed.lenses import CameraOption, Lens, lens_for
+from dlama.datasets.posed.lenses import CameraOption, Lens, lens_for, register_depth
 from dlama.datasets.posed.posed_frames import FrameFiles, Listed, files_of
-from dlama.datasets.posed.registered_depth import register_depth
 from dlama.datasets.text_tables import files_in, read_pose
 from dlama.geometry.motion.poses import invert_pose
 

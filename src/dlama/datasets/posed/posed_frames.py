@@ -18,7 +18,7 @@ from dlama.datasets.posed.lenses import Lens
 from dlama.errors import CameraError, FileError, InputError, ShapeError, check_same_size, format_size
 from dlama.files.rasters.depth import check_positive, read_depth
 from dlama.files.rasters.float_files import read_colmap_depth
-from dlama.files.rasters.images import picture_hw
+from dlama.files.rasters.images import picture_hw, read_stored
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.files.rgbd import fit_depth
@@ -28,6 +28,12 @@ from dlama.perception.missing_depth import densify
 from dlama.perception.resampling import shrink_color
 
 LOG = logging.getLogger("dlama")
+MEDIUM = 1
+"""ARConfidenceLevel: 0 low, 1 medium, 2 high (developer.apple.com/documentation/arkit/arconfidencelevel)."""
+LIDAR_RANGE_M = 5.0
+"""Beyond, depth of an iPhone's LiDAR is a guess (github.com/PolyCam/polyform)."""
+MOST_ENLARGED = 4
+"""Times the depth's size to which depth of a phone or a depth camera is enlarged at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +83,28 @@ def files_of(
     return FrameFiles((str(color), str(depth)), read_color, read, lens, pose, hw, has_far=has_far)
 
 
+lidar_frame = partial(FrameFiles, least_confidence=MEDIUM, range_m=LIDAR_RANGE_M, enlarged=MOST_ENLARGED)
+"""One frame of a phone with a LiDAR, whose depth is small (256 x 192) and its picture large: depth is enlarged, guided by the
+picture. Low confidence, and what lies beyond the range of the sensor, is missing depth."""
+
+
+def files_of_capture(
+    color: Path, depth: Path, lens: Lens, pose: Float64Array, confidence: Path | None, least: int = MEDIUM
+) -> FrameFiles:
+    """A phone's frame of a picture file, a depth file and, where the app recorded it, one of confidence."""
+    files = files_of(color, depth, lens, pose)
+    levels = None if confidence is None else partial(levels_of_png, confidence)
+    return replace(files, confidence=levels, least_confidence=least, range_m=LIDAR_RANGE_M, enlarged=MOST_ENLARGED)
+
+
+def levels_of_png(path: Path) -> UInt8Array:
+    """A picture of confidence levels, h x w. FileError."""
+    levels = read_stored(path).values
+    if levels.ndim != 2:
+        raise FileError(f"{path}: has {levels.shape[2]} channels; one of confidence levels is expected")
+    return np.asarray(levels, np.uint8)
+
+
 @dataclass(frozen=True, eq=False)
 class PosedFrame(Frame):
     """A frame whose pose is known before its pictures are read. All frames of a scene share one world."""
@@ -124,16 +152,11 @@ def read_otherwise(
     """With other units per metre, range of depth (metres) or size of it than the layout's. InputError where that cannot be."""
     check_positive(depth_scale=depth_scale, max_depth=max_depth)
     if depth_scale is not None:
-        files = scale_depth(files, depth_scale)
+        read = files.depth
+        if not (isinstance(read, partial) and read.func is read_depth):
+            raise InputError(f"`depth_scale` does not apply to {files.names[1]}, which has a unit of its own")
+        files = replace(files, depth=partial(read, depth_scale=depth_scale))
     return replace(files, range_m=max_depth or files.range_m, resize_depth=resize_depth)
-
-
-def scale_depth(files: FrameFiles, depth_scale: float) -> FrameFiles:
-    """With other units per metre. InputError where depth is not in a file that `read_depth` reads."""
-    read = files.depth
-    if not (isinstance(read, partial) and read.func is read_depth):
-        raise InputError(f"`depth_scale` does not apply to {files.names[1]}, which has a unit of its own")
-    return replace(files, depth=partial(read, depth_scale=depth_scale))
 
 
 def load_rgbd(files: FrameFiles) -> RGBD:

@@ -13,7 +13,7 @@ import numpy as np
 
 from dlama.arguments import as_array
 from dlama.completion.start import clip_frame
-from dlama.datasets.easysynth.listing import sequence_folders
+from dlama.datasets.easysynth.frames import sequence_folders
 from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import layout_of, list_dataset
 from dlama.datasets.posed.lenses import CameraOption

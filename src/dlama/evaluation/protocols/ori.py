@@ -29,8 +29,14 @@ from dlama.evaluation.protocols.methods import (
     measures_of,
     run_method,
 )
-from dlama.evaluation.protocols.reliability import reliability_measures
-from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel, view_measures
+from dlama.evaluation.protocols.scores import (
+    Gain,
+    Reference,
+    artifact_measures,
+    picture_panel,
+    reliability_measures,
+    view_measures,
+)
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, from_filler

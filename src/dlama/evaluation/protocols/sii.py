@@ -13,8 +13,7 @@ The baseline that fills nothing is scored in colour only where it would have no 
 
 from __future__ import annotations
 
-import functools
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -36,8 +35,14 @@ from dlama.evaluation.protocols.methods import (
     timed_run,
 )
 from dlama.evaluation.protocols.ori import cloud_measures
-from dlama.evaluation.protocols.reliability import reliability_measures
-from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel, view_measures
+from dlama.evaluation.protocols.scores import (
+    Reference,
+    artifact_measures,
+    leak_measures,
+    picture_panel,
+    reliability_measures,
+    view_measures,
+)
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 
@@ -63,8 +68,8 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
 def run_stereo(truth: StereoTruth, method: Method) -> MethodRun:
     """`dlama.completion.stereo.stereo` on the pair, with the masks where there are any."""
     right_view: Any = "given" if truth.mask_left is not None else "synthesised"
-    pair = functools.partial(stereo, truth.left, truth.right, truth.rig, mask=truth.mask_left, right_view=right_view)
-    return timed_run(method, functools.partial(pair, mask_right=truth.mask_right))
+    masks: Any = {"mask": truth.mask_left, "mask_right": truth.mask_right}
+    return timed_run(method, partial(stereo, truth.left, truth.right, truth.rig, **masks, right_view=right_view))
 
 
 def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings) -> Scored:

@@ -17,8 +17,14 @@ from dlama.evaluation.metrics.pictures import channel_gain
 from dlama.evaluation.metrics.regions import source_visibility
 from dlama.evaluation.metrics.reliability import color_tolerance
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored, run_method
-from dlama.evaluation.protocols.reliability import reliability_measures
-from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel, view_measures
+from dlama.evaluation.protocols.scores import (
+    Reference,
+    artifact_measures,
+    leak_measures,
+    picture_panel,
+    reliability_measures,
+    view_measures,
+)
 from dlama.geometry.rgbd import RGBD, brighten
 from dlama.inpainters.confidence import COLOR_WITHIN
 

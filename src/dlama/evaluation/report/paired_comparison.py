@@ -45,7 +45,7 @@ def paired_comparison(
     head = ("filler", "yaw", *(column_title(*which) for which in seen))
     where = "" if tuple(chosen) == PAPER_SHAPE else f", {chosen[0][0]}"
     title = f"{OURS} against {THEIRS}, same filler{where}"
-    return Table(title, head, tuple(lines), NOTE, with_intervals=True) if lines else None
+    return Table(title, head, tuple(lines), NOTE) if lines else None
 
 
 def _pairs(rows: Sequence[Row], protocol: str, dataset: str) -> dict[tuple[str, str, Which], Pairs]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dlama.evaluation.metrics.reliability import BINS, Bins
-from dlama.evaluation.protocols.reliability import MODALITY, REGION
+from dlama.evaluation.protocols.scores import MODALITY, REGION
 from dlama.evaluation.report.summary import ALL, Place, Summary
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dlama.evaluation.metrics.pictures import SETTINGS
-from dlama.evaluation.protocols.reliability import MODALITY as CONFIDENCE
+from dlama.evaluation.protocols.scores import MODALITY as CONFIDENCE
 from dlama.evaluation.report.columns import (
     HIDDEN,
     INTEREST,

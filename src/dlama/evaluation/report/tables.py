@@ -36,8 +36,6 @@ class Table:
     note: str = ""
     minor: bool = False
     """Folded away at first."""
-    with_intervals: bool = False
-    """In markdown, too, the intervals stand next to the means."""
 
     @property
     def word_columns(self) -> list[bool]:
@@ -60,7 +58,7 @@ def by_yaw(
         if any(cell is not EMPTY for cell in published):
             rows.append((Cell(yaw, other=True), Cell(PAPER, other=True), *published))
     head = ("yaw", "method", *(column_title(*which) for which in chosen))
-    return Table(title, head, tuple(rows), with_intervals=True) if rows else None
+    return Table(title, head, tuple(rows)) if rows else None
 
 
 def _published_cell(yaw: str, which: Which) -> Cell:
@@ -75,7 +73,7 @@ def side_by_side(place: Place, chosen: Iterable[Which], methods: Sequence[str], 
         cells = _mark_best([_cell(place, ALL, one, which) for one in methods], which[2], methods)
         if any(cell != EMPTY for cell in cells):
             rows.append((Cell(which[0]), Cell(column_title(*which)), *cells))
-    return Table(title, ("region", "metric", *methods), tuple(rows), with_intervals=True) if rows else None
+    return Table(title, ("region", "metric", *methods), tuple(rows)) if rows else None
 
 
 def variants(place: Place, chosen: Sequence[Which], title: str) -> Table | None:

@@ -12,17 +12,21 @@ from dlama import __version__
 from dlama.datasets.frames import Dataset
 from dlama.errors import format_count
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
-from dlama.evaluation.protocols.methods import ProtocolSettings
+from dlama.evaluation.protocols.methods import NO_FILL, ProtocolSettings
 from dlama.evaluation.protocols.strips import COLOR_FULL, COLUMNS, DEPTH_FULL
+from dlama.evaluation.report.columns import column_title, format_value, list_columns
 from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
-from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
+from dlama.evaluation.report.summary import ALL, RESAMPLES, Place, Summary, summarise, write_summary
+from dlama.evaluation.report.tables import variant_of
 from dlama.evaluation.report.templates import template
 from dlama.evaluation.runner.cache_key import code_hash, short_hash, versions
 from dlama.evaluation.runner.run import Outcome, Results
 from dlama.evaluation.runner.store import write_rows
 from dlama.writing.atomic_write import write_file
 
+MAIN = {"rgb": "ssim lpips mse psnr", "depth_m": "mae"}
+"""The numbers of a headline."""
 CHOICES = ("protocol", "yaw", "method")
 """The fields of a panel by which readers choose."""
 
@@ -126,3 +130,26 @@ def settings_hash(settings: ProtocolSettings) -> str:
 def failure_line(one: Outcome) -> str:
     """`vpi s03 +10, dlama/telea: FileError: ...`."""
     return f"{one.case.protocol} {one.case.scene} {one.case.frame}, {one.method.label}: {one.error}"
+
+
+def headlines(summary: Summary) -> list[str]:
+    """Of each protocol and data set its methods, variants left out: over all yaws in whole pictures, else in what was removed."""
+    lines = []
+    for place in summary.places():
+        region = "mask" if place.of(region="mask") else "whole"
+        lines += [_line(place, region, method) for method in place.values("method") if not variant_of(method)[1]]
+    return lines
+
+
+def _line(place: Place, region: str, method: str) -> str:
+    """`vpi on street, dlama/telea, whole (3 frames): colour SSIM 0.8104, ...`; no depth of the baseline that fills nothing: where
+    it has any, it was measured."""
+    chosen = list_columns((region,), {"rgb": MAIN["rgb"]} if method.endswith(f"/{NO_FILL}") else MAIN)
+    means = {which: one for which in chosen if (one := place.mean(ALL, method, which))}
+    found = []
+    for which, one in means.items():
+        title, _, unit = column_title(*which).partition(", ")
+        found.append(f"{title} {format_value(one.value, which[2])} {unit}".rstrip())
+    frames = max((one.frames for one in means.values()), default=0)
+    head = f"{place.protocol} on {place.dataset}, {method}, {region} ({format_count(frames, 'frame')})"
+    return f"{head}: {', '.join(found) or 'nothing was measured'}"

@@ -19,10 +19,9 @@ from dlama.datasets.frames import Case, Dataset
 from dlama.errors import InputError, format_count
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
-from dlama.evaluation.report.headlines import headlines
 from dlama.evaluation.report.reliability import reliability_lines
 from dlama.evaluation.report.summary import is_orbit, own_labels, yaw_order
-from dlama.evaluation.report.write import failure_line, write_report
+from dlama.evaluation.report.write import failure_line, headlines, write_report
 from dlama.evaluation.runner.run import Progress, Results, run
 from dlama.inpainters import FILLERS
 from dlama.worlds.dataset import open_dataset_or_worlds
