@@ -30,8 +30,6 @@ from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
 from dlama.perception.diagnosis.lens import check_lens, looks_like_radians
 from dlama.writing.atomic_write import PathLike, write_file
 
-FILM_DIAGONAL_MM = math.hypot(36, 24)
-"""35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
 OPTIONS = "camera options"
 """What messages call a camera that no file gives."""
 NO_INTRINSICS = (
@@ -243,7 +241,7 @@ def make_camera(
 
 def focal_of_film(millimetres: float, hw: tuple[int, ...]) -> float:
     """Pixels of a picture of that size, of a focal length in terms of 35 mm film."""
-    return millimetres / FILM_DIAGONAL_MM * math.hypot(*hw)
+    return millimetres / math.hypot(36, 24) * math.hypot(*hw)  # diagonals are compared (CIPA DCG-001)
 
 
 def _left_and_right(fields: FileFields, left_K: str, right_K: str) -> tuple[Intrinsics, Intrinsics]:

@@ -27,8 +27,6 @@ MILLIMETRES = 1000.0
 """A metre."""
 FAR_METRES = 1e6
 """A stored depth beyond this is a renderer's word for infinity (Blender writes 1e10 behind everything)."""
-TINY = 1e-3
-"""Negative numbers nearer to 0 are no measurements: compression left them."""
 EIGHT_BIT = {
     "disparity": "; say how many of them make a pixel (`disparity_scale`, Middlebury 2003: 4)",
     "depth": ", too coarse for depth (256 steps) and often gamma-encoded or only a picture of depth; save depth as 16-bit PNG in "
@@ -274,7 +272,7 @@ def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
         advice = ""
         if not (values > 0).any():
             advice = "; where the camera looks along -z, save -z"
-        elif values[negative].min() > -TINY:
+        elif values[negative].min() > -1e-3:  # no measurements
             advice = "; lossy compression does that (B44, or DWA in R, G and B): save it as ZIP, or in a channel Z"
         raise DepthError(
             f"{path}: {int(negative.sum())} of {values.size} {what} values are negative (smallest {values[negative].min():.6g}); "

@@ -20,10 +20,12 @@ from dlama.writing.atomic_write import PathLike, new_file
 
 HALF_MAX = 65504.0
 """The largest half float; where a writer clamps, this is what infinity becomes."""
-CHANNEL_ORDER = ("z", "depth", "*depth.z", "*.z", "*depth*", "r", "y")
-"""Which channel of an EXR is depth: the first of these that is there (without regard to case), else the only one."""
-ORDERS = {"depth": CHANNEL_ORDER, "matte": ("a", "*.a", "r", "y"), "opaque matte": ("r", "y")}
-"""The same of what else is read."""
+ORDERS = {
+    "depth": ("z", "depth", "*depth.z", "*.z", "*depth*", "r", "y"),
+    "matte": ("a", "*.a", "r", "y"),
+    "opaque matte": ("r", "y"),
+}
+"""Which channel of an EXR it is: the first of these that is there (without regard to case), else the only one."""
 
 
 def read_exr(path: PathLike, channel: str | None = None, what: str = "depth") -> Float32Array:

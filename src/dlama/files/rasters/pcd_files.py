@@ -13,16 +13,13 @@ from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.writing.atomic_write import PathLike
 
 HEADER = re.compile(rb"(?:#[^\n]*\n)*VERSION[^\n]*\n((?:[A-Z]+ [^\n]*\n)+?)DATA (ascii|binary|binary_compressed)\r?\n")
-HEADER_BYTES = 4096
-"""The longest header that is looked at."""
-KINDS = {"F": "f", "I": "i", "U": "u"}
 
 
 def read_pcd(path: PathLike) -> np.ndarray:
     """H x W of the field z of an organised PCD: text, binary or compressed. NaN is missing. Raises FileError."""
     file = existing_file(path)
     data = file.read_bytes()
-    found = HEADER.match(data[:HEADER_BYTES])
+    found = HEADER.match(data[:4096])
     if found is None:
         raise FileError(f"{file}: is no PCD point cloud (a header VERSION, FIELDS, ..., DATA is expected)")
     with any_error(FileError, f"{file}: is damaged, truncated or no PCD point cloud"):
@@ -35,7 +32,7 @@ def read_pcd(path: PathLike) -> np.ndarray:
         check_pixels(file, width, height)
         place, counts = head["FIELDS"].index("z"), list(map(int, head.get("COUNT", ["1"] * len(head["FIELDS"]))))
         before = [int(size) * count for size, count in zip(head["SIZE"], counts)]
-        kind = np.dtype(f"<{KINDS[head['TYPE'][place]]}{head['SIZE'][place]}")
+        kind = np.dtype(f"<{head['TYPE'][place].lower()}{head['SIZE'][place]}")
         body, number, first = data[found.end() :], width * height, sum(before[:place])
         if found[2] == b"ascii":
             column = sum(counts[:place])

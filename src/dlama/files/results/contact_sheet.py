@@ -20,7 +20,6 @@ INK: RGB = (236, 238, 240)
 QUIET_INK: RGB = (168, 174, 181)
 PANEL_WIDTH = 420
 GAP = 20
-CAPTION_GAP = 4
 TITLE_SIZE, CAPTION_SIZE, LEGEND_SIZE = 26, 16, 15
 
 
@@ -35,7 +34,7 @@ def write_contact_sheet(
     fitted = [(fit_panel(array), wrap_text(name, PANEL_WIDTH, font(CAPTION_SIZE))) for name, array in panels]
     columns = columns_for(len(panels))
     rows = [fitted[first : first + columns] for first in range(0, len(panels), columns)]
-    texts = [line_height(CAPTION_SIZE) * max(len(caption) for _, caption in row) + CAPTION_GAP for row in rows]
+    texts = [line_height(CAPTION_SIZE) * max(len(caption) for _, caption in row) + 4 for row in rows]
     heights = [text + max(picture.height for picture, _ in row) + GAP for text, row in zip(texts, rows)]
     cell = max(PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH, *(picture.width for picture, _ in fitted))
     width = columns * cell + (columns + 1) * GAP

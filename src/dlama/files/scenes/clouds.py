@@ -15,8 +15,6 @@ from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import Origin
 from dlama.writing.atomic_write import PathLike, new_file
 
-FLOAT32_REACH = 1e4
-"""Metres; beyond, float32 is coarser than 1 mm and coordinates are written as double."""
 COLORS = ("red", "green", "blue")
 
 
@@ -26,7 +24,7 @@ def write_ply(path: PathLike, cloud: PointCloud) -> None:
     Coordinates are world metres in OpenCV axes, float (double where any exceeds 10 km). Raises OutputError.
     """
     reach = float(np.abs(cloud.points).max()) if len(cloud) else 0.0
-    real = "<f8" if reach > FLOAT32_REACH else "<f4"
+    real = "<f8" if reach > 1e4 else "<f4"  # beyond 10 km float32 is coarser than 1 mm
     layout = [(axis, real) for axis in "xyz"] + [(name, "u1") for name in (*COLORS, "origin")] + [("confidence", "<f4")]
     vertex = np.empty(len(cloud), layout)
     for i, (axis, name) in enumerate(zip("xyz", COLORS)):
