@@ -13,8 +13,7 @@ from dlama.nets.architecture import (  # noqa: E402
     GeneratorSettings,
     generator_shapes,
 )
-from dlama.nets.ffc import FourierUnit  # noqa: E402
-from dlama.nets.generator import Discriminator, Generator, generator_from_state  # noqa: E402
+from dlama.nets.generator import Discriminator, FourierUnit, Generator, generator_from_state  # noqa: E402
 
 
 def test_generator_agrees_with_the_published_code(generator_vector):

@@ -20,7 +20,7 @@ from dlama.nets.generator import Discriminator  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, metric_names, telea  # noqa: E402
-from dlama.training.losses import pixels, terms, trunks  # noqa: E402
+from dlama.training.losses import perceptual, pixels, terms  # noqa: E402
 from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
 from dlama.training.losses.terms import (  # noqa: E402
     GENERATOR_TERMS,
@@ -118,7 +118,7 @@ def test_perceptual_loss_is_a_mean_of_means():
 
     loss = PerceptualLoss(Two(), "two")
     truth = torch.rand(2, 3, 8, 8)
-    std = torch.tensor(trunks.IMAGENET_STD)
+    std = torch.tensor(perceptual.IMAGENET_STD)
     first, second = (0.1 / std).square().mean(), (0.2 / std[0]).square()
     assert number(loss(truth + 0.1, truth)) == pytest.approx(number(first + second) / 2, rel=1e-5)
 
@@ -234,7 +234,7 @@ def test_the_discriminator_sees_no_depth_without_truth():
 @pytest.fixture(scope="module")
 def trunk():
     """The published structure with random weights."""
-    return trunks.DilatedResnet50().eval()
+    return perceptual.DilatedResnet50().eval()
 
 
 @pytest.mark.parametrize("suffix", first_quick([".safetensors", ".pth"]))
