@@ -69,23 +69,22 @@ class FFC(nn.Module):
     ) -> None:
         super().__init__()
 
-        def path(source: int, target: int) -> nn.Conv2d | None:
-            if not source or not target:
-                return None
+        def path(source: int, target: int) -> nn.Conv2d:
             return nn.Conv2d(source, target, kernel, stride, padding, bias=False, padding_mode="reflect")
 
         (in_local, in_global), (out_local, out_global) = in_split, out_split
         self.convl2l = path(in_local, out_local)
-        self.convl2g = path(in_local, out_global)
-        self.convg2l = path(in_global, out_local)
-        self.convg2g = SpectralTransform(in_global, out_global) if in_global and out_global else None
+        self.convl2g = path(in_local, out_global) if out_global else None
+        self.convg2l = path(in_global, out_local) if in_global else None
+        self.convg2g = SpectralTransform(in_global, out_global) if in_global else None
 
     def forward(self, local: Tensor, wide: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """(B x l x H x W, B x g x H x W or None) -> the same pair after the layer; padding is by reflection."""
-        to_local = _sum(_through(self.convl2l, local), _through(self.convg2l, wide))
-        to_global = _sum(_through(self.convl2g, local), _through(self.convg2g, wide))
-        assert to_local is not None  # every layer of this network keeps a local branch
-        return to_local, to_global
+        to_local, to_global = self.convl2l(local), None if self.convl2g is None else self.convl2g(local)
+        if wide is None:
+            return to_local, to_global
+        assert self.convg2l is not None and self.convg2g is not None  # no layer of this network ends the global branch
+        return to_local + self.convg2l(wide), to_global + self.convg2g(wide)
 
 
 class FFC_BN_ACT(nn.Module):
@@ -118,20 +117,10 @@ class FFCResnetBlock(nn.Module):
         self.conv1 = FFC_BN_ACT(split, split, kernel=3, padding=1)
         self.conv2 = FFC_BN_ACT(split, split, kernel=3, padding=1)
 
-    def forward(self, pair: tuple[Tensor, Tensor | None]) -> tuple[Tensor, Tensor | None]:
+    def forward(self, pair: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
         """(local, global) -> (local, global)."""
         local, wide = self.conv2(self.conv1(pair))
-        return pair[0] + local, _sum(pair[1], wide)
-
-
-def _through(path: nn.Module | None, x: Tensor | None) -> Tensor | None:
-    return None if path is None or x is None else path(x)
-
-
-def _sum(a: Tensor | None, b: Tensor | None) -> Tensor | None:
-    if a is None or b is None:
-        return b if a is None else a
-    return a + b
+        return pair[0] + local, pair[1] + wide
 
 
 class Generator(nn.Module):
