@@ -150,13 +150,6 @@ def test_control_characters_of_a_file_do_not_reach_the_terminal(
     assert [sign for sign in printed.out + printed.err if not sign.isprintable() and sign != "\n"] == []
 
 
-def test_output_that_cannot_be_written(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file is where the directory should be."""
-    (frame / "out").write_text("in the way")
-    assert "cannot be written" in refused(capsys, frame, "view", *PICTURE, "--fov", 60, "--yaw", 5, *FAST)
-    assert (frame / "out").read_text() == "in the way"
-
-
 def test_a_dilation_of_holes_over_the_whole_picture(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing is known any more: it says so and ends at once."""
     run(frame, "view", *PICTURE, "--fov", 60, "--yaw", 5, *FAST, "--dilate-holes", 1000)

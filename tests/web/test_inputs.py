@@ -13,13 +13,11 @@ from handing_in import completed, hand_in, open_frame
 import dlama
 from dlama.errors import CameraError, DepthError, DlamaError, FileError, InputError
 from dlama.files.rasters.depth import read_depth
-from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD
 from dlama.web import api
 from dlama.web.answers import PageError, field_of, hide_paths, use_page_words
 from dlama.web.completions import take_home
 from dlama.web.form import PARTS, labelled, read_form
-from dlama.web.inputs import Upload, file_name, shrink
+from dlama.web.inputs import Upload, file_name
 from dlama.web.visits import Visit
 from marks import first_quick
 
@@ -236,15 +234,3 @@ def test_examples_open(name: str, visit: Visit) -> None:
     assert told["source"]["estimated"] == (name == "photo")
     with pytest.raises(PageError, match="one of street"):
         api.example(visit, {"name": "../street"})
-
-
-def test_the_small_picture_is_the_same_scene() -> None:
-    """Closed form: colours are means, depths are some pixel's, and the lens sees the same width."""
-    depth = np.arange(1, 601, dtype=np.float32).reshape(20, 30)
-    color = np.repeat(np.arange(0, 240, 8, dtype=np.uint8)[None, :, None], 20, 0).repeat(3, 2)
-    rgbd = RGBD(color, depth, Camera.from_fov(30, 20, 70))
-    less = shrink(rgbd, 15)
-    assert less.camera.wh == (15, 10) and less.camera.fov_deg == pytest.approx(70)
-    assert np.isin(less.depth, depth).all()
-    np.testing.assert_array_equal(less.color, cv2.resize(color, (15, 10), interpolation=cv2.INTER_AREA))
-    assert shrink(rgbd, 30) is rgbd

@@ -16,7 +16,6 @@ from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
 from dlama.jobs.inputs import JobInputs
 from dlama.jobs.parameters import number
 from dlama.perception.depth_scale import RULES, describe_depth_source
-from dlama.perception.resampling import shrink_rgbd
 from dlama.web.answers import Fields, PageError, use_page_words
 from dlama.web.form import read_form
 
@@ -164,15 +163,6 @@ def scale_in_words(suffix: str, options: Mapping[str, Any]) -> str:
         return f"{options['depth_scale']:g} units per metre, as you chose"
     whole = suffix in (".png", ".tif", ".tiff")
     return "1000 units per metre (millimetres, usual for 16 bits)" if whole else "read as metres"
-
-
-def shrink(source: RGBD, longest: int) -> RGBD:
-    """The picture at a size whose longer side is at most `longest` pixels; each depth is that of a pixel, never a mean."""
-    width, height = source.camera.wh
-    factor = longest / max(width, height)
-    if factor >= 1:
-        return source
-    return shrink_rgbd(source, (max(1, round(width * factor)), max(1, round(height * factor))))
 
 
 def pixel_of(fields: Fields) -> tuple[int, int]:

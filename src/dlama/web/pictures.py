@@ -21,14 +21,15 @@ from dlama.geometry.figures.false_color import (
     hole_picture,
     origin_picture,
 )
+from dlama.geometry.holes import shrink_mask, smaller_size
 from dlama.geometry.projection import lift
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+from dlama.perception.resampling import shrink_rgbd
 from dlama.web.answers import Blob, PageError
 from dlama.web.completions.request import CompletionRequest
-from dlama.web.inputs import shrink
 
 PREVIEW_PX = 256
 MAP_PX = 2048
@@ -53,11 +54,10 @@ class Preview:
     """The scene at 256 pixels: what the source shows of it from any camera, holes in the colours of their types."""
 
     def __init__(self, rgbd: RGBD, mask: BoolArray | None) -> None:
-        self.rgbd = shrink(rgbd, PREVIEW_PX)
+        self.rgbd = shrink_rgbd(rgbd, smaller_size(rgbd.camera.hw, PREVIEW_PX))
         self.scene = Scene((View.from_rgbd(self.rgbd),))
         if mask is not None and mask.any() and not mask.all():
-            width, height = self.rgbd.camera.wh
-            gone = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_AREA) > 0
+            gone = shrink_mask(mask, self.rgbd.camera.wh) > 0.5
             if not gone.all():
                 self.scene = self.scene.without(gone, dilate=0)
 

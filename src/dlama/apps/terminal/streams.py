@@ -132,11 +132,10 @@ def signal_main_thread(number: int) -> None:
 def find_write_error(stream: TextIO) -> OSError | None:
     """What went wrong with what was printed to a stream; None: it is all out. From now on a failed stream swallows everything."""
     try:
-        stream.flush()
+        with contextlib.suppress(ValueError):  # closed
+            stream.flush()
     except OSError as error:
         with contextlib.suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
         return error
-    except ValueError:  # closed
-        return None
     return None

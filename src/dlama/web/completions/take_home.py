@@ -87,7 +87,6 @@ def format_values(name: str, value: Any) -> list[str]:
 def python_lines(result: Result) -> str:
     """The same in Python."""
     p, verb = parameters_of(result), verb_of(result.source, result.mask is not None)
-    read = lines_of_pair(p) if verb == "stereo" else lines_of_picture(p)
     given = {"stereo": ["left", "right", "rig"], "remove": ["rgbd", "mask"], "view": ["rgbd"]}[verb]
     given += ["mask=mask"] if verb == "stereo" and "mask" in p else []
     masked = []
@@ -101,19 +100,16 @@ def python_lines(result: Result) -> str:
         done.append(f"done = dlama.view({', '.join(['done.scene', *moves, *method])})")
     plates = plates_of(result.source)
     write = f"dlama.write(done, {OUT!r}{f', inputs={plates!r}' if plates else ''})"
-    return "\n".join(["import dlama", "", *read, *masked, *done, write, ""])
+    return "\n".join(["import dlama", "", *reading_lines(p), *masked, *done, write, ""])
 
 
-def lines_of_pair(p: Mapping[str, Any]) -> list[str]:
-    """How a pair is read in Python."""
-    return [
-        f"left, right = dlama.read_color({p['left']!r}), dlama.read_color({p['right']!r})",
-        f"rig = dlama.read_stereo_calib({p['calib']!r}, hw=left.shape[:2])",
-    ]
-
-
-def lines_of_picture(p: Mapping[str, Any]) -> list[str]:
-    """How a picture and its depth are read in Python."""
+def reading_lines(p: Mapping[str, Any]) -> list[str]:
+    """How a pair, or a picture and its depth, is read in Python."""
+    if "left" in p:
+        return [
+            f"left, right = dlama.read_color({p['left']!r}), dlama.read_color({p['right']!r})",
+            f"rig = dlama.read_stereo_calib({p['calib']!r}, hw=left.shape[:2])",
+        ]
     files = [repr(p[role]) for role in ("image", "depth") if role in p]
     return [f"rgbd = dlama.read_rgbd({', '.join([*files, *keywords(p, LENS, READING, ESTIMATING)])})"]
 
