@@ -17,6 +17,7 @@ from dlama.apps.options import Report
 from dlama.apps.verbs.measuring import evaluate as verb
 from dlama.apps.verbs.measuring.evaluating import choose_cases, command_line
 from dlama.apps.verbs.measuring.options import Cases, Methods
+from dlama.datasets.frames import Case, Dataset
 from dlama.errors import InputError, MissingExtraError
 from dlama.evaluation import protocols
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored
@@ -125,8 +126,6 @@ def test_bad_words_are_refused_before_anything_runs(
 
 def test_a_data_set_without_a_protocol_says_so() -> None:
     """Removal asked of view changes."""
-    from dlama.datasets.frames import Case, Dataset
-
     cases = (Case("vpi", "toy", "s", "f", lambda: None, 10.0),)  # type: ignore[arg-type,return-value]
     with pytest.raises(InputError, match="toy has no cases of ori; it has vpi"):
         choose_cases(Dataset("toy", "made-up", None, (), cases), Cases(protocol=("ori",)))
@@ -134,7 +133,6 @@ def test_a_data_set_without_a_protocol_says_so() -> None:
 
 def test_yaws_are_asked_for_by_the_names_that_the_report_gives() -> None:
     """Oracle: the labels of the tables. Of pairs ≈30 is from 25 to 35 degrees; of an orbit 30 is 30."""
-    from dlama.datasets.frames import Case, Dataset
 
     def chosen(yaws: tuple[float, ...], wanted: float) -> list[float | None]:
         cases = tuple(Case("vpi", "toy", "s", "f", lambda: None, yaw) for yaw in yaws)  # type: ignore[arg-type,return-value]

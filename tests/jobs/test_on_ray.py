@@ -101,19 +101,14 @@ def test_numbers_that_cannot_be() -> None:
 
 def test_a_cluster_that_is_not_there_is_told_at_once() -> None:
     """Law: HOST:PORT that takes no connection ends before Ray tries for minutes; so does what is no port."""
-
-    class NoRay:
-        @staticmethod
-        def is_initialized() -> bool:
-            return False
-
+    no_ray = SimpleNamespace(is_initialized=lambda: False)
     with socket.create_server(("127.0.0.1", 0)) as server:
         free = server.getsockname()[1]
     for address in (f"127.0.0.1:{free}", "127.0.0.1:port"):
         with pytest.raises(
             InputError, match=rf"ray={address}: no such cluster .*; local, auto or HOST:PORT is expected"
         ):
-            _connect(NoRay(), address)
+            _connect(no_ray, address)
 
 
 class Lost:

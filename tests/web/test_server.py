@@ -14,6 +14,8 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
 from box_frame import small_frame
@@ -155,9 +157,6 @@ def test_what_is_handed_in_is_bounded(server: Server, frame: Path) -> None:
     """Bytes, pixels, fields and pages; a refused file is not kept."""
     page = Page(server)
     assert "up to 1 MB are taken" in page.upload("picture", b"x" * (2**20 + 1), "a.png", 413)["error"]
-    import cv2
-    import numpy as np
-
     large = cv2.imencode(".png", np.zeros((1200, 1000, 3), np.uint8))[1].tobytes()
     told = page.upload("picture", large, "large.png", 400)
     assert told == {
@@ -169,7 +168,8 @@ def test_what_is_handed_in_is_bounded(server: Server, frame: Path) -> None:
     page.post("read", b"[" * 2**20 + b"]", status=413)
     page.post("read", b"[" * 10_000, status=400)
     Page(server), Page(server)
-    assert "no more are taken" in ask_refused(server)
+    status, _, data = ask(server, "POST", "/api/visit", b"{}", X_Dlama_Visit="")
+    assert status == 503 and b"no more are taken" in data
 
 
 def test_lengths_that_cannot_be_are_refused(server: Server, capfd: pytest.CaptureFixture[str]) -> None:
@@ -179,13 +179,6 @@ def test_lengths_that_cannot_be_are_refused(server: Server, capfd: pytest.Captur
         assert ask(server, "POST", "/api/leave", b"", Content_Length=given)[0] == 411
         assert ask(server, "POST", "/api/visit", b"", Content_Length=given, X_Dlama_Visit="")[0] == 411
     assert capfd.readouterr().err == ""
-
-
-def ask_refused(server: Server) -> str:
-    """What a page too many is told."""
-    status, _, data = ask(server, "POST", "/api/visit", b"{}", X_Dlama_Visit="")
-    assert status == 503
-    return str(json.loads(data)["error"])
 
 
 def test_a_page_that_leaves_is_forgotten(server: Server, frame: Path, monkeypatch: pytest.MonkeyPatch) -> None:
