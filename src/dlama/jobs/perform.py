@@ -55,10 +55,11 @@ def work(task: Task) -> JobResult:
         except Exception as error:
             row = failed_row(job, error)
             row = replace(row, error=HALF_MADE.sub(lambda _: task.output.of(job.id), row.error))
+    peak = peak_mib(since_reset)
     return replace(
         row,
         seconds=round(time.perf_counter() - started, 4),
-        peak_mib=_round(peak_mib(since_reset)),
+        peak_mib=peak and round(peak, 1),
         host=socket.gethostname(),
         attempts=task.attempt,
         finished=round(time.time(), 3),
@@ -107,7 +108,3 @@ def _perform(task: Task) -> JobResult:
 
 def _mean(values: list[float] | None) -> float | None:
     return round(statistics.fmean(values), 6) if values else None
-
-
-def _round(value: float | None) -> float | None:
-    return None if value is None else round(value, 1)

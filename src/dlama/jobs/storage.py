@@ -47,7 +47,8 @@ def open_to_read(path: str, mode: str = "r") -> Iterator[IO[Any]]:
             with Path(local_path(path)).open(mode, **text) as stream:
                 yield stream
             return
-        with _fsspec(path).open(path, mode, **text) as stream:
+        system, inside = file_system(path)
+        with system.open(inside, mode, **text) as stream:
             yield stream
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: is no text in UTF-8 ({first_line(error)})") from error
@@ -203,12 +204,8 @@ def _swap(folder: Path, target: Path) -> None:
 def file_system(path: str) -> tuple[Any, str]:
     """The fsspec file system of an address, and the path inside it. FileError where nothing knows its protocol."""
     try:
-        return _fsspec(path).core.url_to_fs(path)
+        return import_extra("fsspec", path, "fsspec", "batch").core.url_to_fs(path)
     except (ValueError, ImportError) as error:
         if isinstance(error, MissingExtraError):
             raise
         raise FileError(f"{path}: {first_line(error)}") from error
-
-
-def _fsspec(path: str) -> Any:
-    return import_extra("fsspec", path, "fsspec", "batch")
