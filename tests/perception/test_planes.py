@@ -22,7 +22,6 @@ from dlama.perception.planes import (
     label_known,
     noise_level,
     plane_values,
-    plane_values_at,
     tolerance,
 )
 from marks import first_quick
@@ -226,13 +225,3 @@ def test_plane_values_are_affine_at_pixel_centres() -> None:
     assert plane_values(plane, (4, 5))[0, 2, 3] == pytest.approx(0.035 - 0.05 + 0.5)
     assert plane_values(plane, (4, 5), step=3.0)[0, 2, 3] == pytest.approx(0.105 - 0.15 + 0.5)
     assert plane_values(plane[:0], (4, 5)).shape == (0, 4, 5)
-
-
-def test_values_at_pixels_are_the_planes_own() -> None:
-    """Other path: `plane_values` draws whole planes; a pixel reads its label's. Labels of no plane give 0."""
-    planes = np.array([(0.001, 0.002, 0.3), (-0.01, 0.0, 0.5)])
-    label = np.array([[1, 2, SKY], [2, SMOOTH, 1]], np.int8)
-    rows, columns = np.divmod(np.arange(6), 3)
-    whole = np.concatenate([np.zeros((1, 2, 3)), plane_values(planes, (2, 3))])
-    expected = whole[np.maximum(label, 0).ravel(), rows, columns]
-    np.testing.assert_allclose(plane_values_at(planes, label.ravel(), rows, columns), expected, rtol=1e-6)

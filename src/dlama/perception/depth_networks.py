@@ -198,18 +198,14 @@ def describe_tensors(ends: Mapping[str, tuple[str, list[Any]]]) -> str:
 def squeeze_output(network: NetworkFile, out: np.ndarray, gives: Gives) -> Float32Array:
     """An output without its batch and channel axes: h x w, of points h x w x 3. FileError for any other shape."""
     values = np.asarray(out, np.float32)
+    shape = values.shape
     if gives == "points":
-        fits = values.ndim == 4 and values.shape[0] == 1 and values.shape[3] == 3
-        values = values[0] if fits else values
+        expected, fits = "1 x h x w x 3", len(shape) == 4 and shape[0] == 1 and shape[3] == 3
     else:
-        fits = values.ndim in (2, 3, 4) and math.prod(values.shape[:-2]) == 1 and min(values.shape[-2:]) > 1
-        values = values.reshape(values.shape[-2:]) if fits else values
+        expected, fits = "1 x h x w", 2 <= len(shape) <= 4 and math.prod(shape[:-2]) == 1 and min(shape[-2:]) > 1
     if not fits:
-        expected = "1 x h x w x 3" if gives == "points" else "1 x h x w"
-        raise FileError(
-            f"{network.path}: gave an output of {' x '.join(map(str, np.shape(out)))}; {expected} is expected"
-        )
-    return values
+        raise FileError(f"{network.path}: gave an output of {' x '.join(map(str, shape))}; {expected} is expected")
+    return values[0] if gives == "points" else values.reshape(shape[-2:])
 
 
 def fit_points(points: Float32Array, far: BoolArray | None, focal: float | None) -> tuple[float, float]:

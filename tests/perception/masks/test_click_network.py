@@ -106,18 +106,9 @@ def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, 
     np.testing.assert_array_equal(found["group"], wrong)
 
 
-def test_a_click_where_depth_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The network's mask where depth says nothing; elsewhere the error of the masker stays."""
-
-    def refuse(prompt: Prompt) -> list[np.ndarray]:
-        raise MaskError("nothing there")
-
-    scene = step_scene()
-    hole = scene.depth == 0
-    monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(hole.astype(np.float32), 1, 1.0))
-    assert room.Masker(scene, refuse, 0.4).masks(Prompt(HW, ((60, 82),)))["object"][82, 60]
-    with pytest.raises(MaskError, match="nothing there"):
-        room.Masker(scene, refuse, 0.4).masks(Prompt(HW, ((65, 55),)))
+def refuse(prompt: Prompt) -> list[np.ndarray]:
+    """A masker that finds nothing."""
+    raise MaskError("nothing there")
 
 
 def estimated(scene: RGBD) -> RGBD:
@@ -125,19 +116,18 @@ def estimated(scene: RGBD) -> RGBD:
     return RGBD(scene.color, scene.depth, scene.camera, {"estimator": "none"})
 
 
-def test_a_click_where_nothing_is_salient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The network's mask where the masker has none; a region that the masker refuses is refused."""
-
-    def refuse(prompt: Prompt) -> list[np.ndarray]:
-        raise MaskError("that is background")
-
-    scene = estimated(step_scene())
-    object_ = scene.depth == 1
-    monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_ * np.float32(0.95), 1, 1.0))
-    seen, prompt = salient.WindowSaliency(scene.color), Prompt(HW, ((65, 55),))
-    np.testing.assert_array_equal(room.Masker(scene, lambda _: [], 0.4, seen).masks(prompt)["object"], object_)
-    with pytest.raises(MaskError, match="background"):
-        room.Masker(scene, refuse, 0.4, seen).masks(prompt)
+def test_a_click_where_the_masker_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The network's mask where depth is missing, or where the masker has no mask; elsewhere its error stays."""
+    scene, click = step_scene(), Prompt(HW, ((65, 55),))
+    answer = lambda rgbd, pixel, seen: ClickAnswer((scene.depth == scene.depth[pixel]) * np.float32(0.95), 1, 1.0)  # noqa: E731
+    monkeypatch.setattr(room, "object_probability", answer)
+    assert room.Masker(scene, refuse, 0.4).masks(Prompt(HW, ((60, 82),)))["object"][82, 60]
+    seen = salient.WindowSaliency(scene.color)
+    found = room.Masker(estimated(scene), lambda _: [], 0.4, seen).masks(click)
+    np.testing.assert_array_equal(found["object"], scene.depth == 1)
+    for masker in (room.Masker(scene, refuse, 0.4), room.Masker(estimated(scene), refuse, 0.4, seen)):
+        with pytest.raises(MaskError, match="nothing there"):
+            masker.masks(click)
 
 
 @pytest.mark.parametrize("is_estimated", [True, False])

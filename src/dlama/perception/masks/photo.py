@@ -105,18 +105,16 @@ class PhotoMasker:
         if pixel not in self.known:
             hw = self.rgbd.depth.shape
             sides = [first_window(hw), *(window_side(hw, share) for share in WINDOWS)]
-            found = self.read_windows(pixel, [window_around(pixel, side, hw) for side in sides])
+            found = self.read_windows(pixel, [window_around(pixel, side, hw) for side in sides], 0)
             if not found or max(found, key=lambda one: one.confidence).cut > CUT_OFF:
-                whole = self.read_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))])
-                found += [
-                    dataclasses.replace(one, confidence=one.confidence - len(sides) * LEAST_GAIN) for one in whole
-                ]
+                found += self.read_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))], len(sides))
             self.known[pixel] = found
         return self.known[pixel]
 
-    def read_windows(self, pixel: Pixel, windows: list[Window]) -> list[Reading]:
-        """The readings of a click in windows; those of later windows must be more confident by LEAST_GAIN each."""
-        found = [(number, self.reading(pixel, window)) for number, window in enumerate(windows)]
+    def read_windows(self, pixel: Pixel, windows: list[Window], first: int) -> list[Reading]:
+        """The readings of a click in windows; those of later windows must be more confident by LEAST_GAIN each. first: number of
+        the first window."""
+        found = [(number, self.reading(pixel, window)) for number, window in enumerate(windows, first)]
         readings = [
             dataclasses.replace(one, confidence=one.confidence - number * LEAST_GAIN) for number, one in found if one
         ]

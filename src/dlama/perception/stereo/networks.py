@@ -16,7 +16,7 @@ import numpy as np
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.models.cache import user_path
-from dlama.models.contracts import CONTRACT_KEY, ColorContract
+from dlama.models.contracts import ColorContract
 from dlama.models.network_file import NetworkFile, open_kept
 from dlama.perception.stereo.matching import keep_consistent, zero_where_unknown
 
@@ -118,13 +118,12 @@ class NetworkMatcher:
 
 def read_file_contract(file: NetworkFile) -> StereoContract:
     """The contract in a file's metadata, or in the JSON file next to it. FileError: none, or one that cannot be read."""
+    if (contract := StereoContract.of_file(file)) is not None:
+        return contract
     sidecar = file.path.with_suffix(".json")
-    text = file.metadata.get(CONTRACT_KEY)
-    if text is None and sidecar.is_file():
-        text = sidecar.read_text(encoding="utf-8")
-    if text is None:
+    if not sidecar.is_file():
         raise FileError(
             f"{file.path}: carries no contract; {sidecar.name} next to it is expected, such as "
             '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
         )
-    return StereoContract.read(text, file.path)
+    return StereoContract.read(sidecar.read_text(encoding="utf-8"), file.path)
