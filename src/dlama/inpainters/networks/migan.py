@@ -14,7 +14,7 @@ from dlama.errors import FileError
 from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.inpainters.filling import Painter
-from dlama.inpainters.networks.engine import Engine, open_engine
+from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes
 from dlama.inpainters.opencv import telea, with_diffused_depth
 
@@ -32,13 +32,8 @@ def migan_filler(model: str | Path) -> Painter:
         kind = network.contract.network  # not before it runs: that loads the network, which many views do without
         if kind != "migan":
             raise FileError(f"{network.path}: is a network {kind!r} by its contract; MI-GAN is expected")
-        return fill_picture(picture, telea.paint(picture, hole, seed), hole, network)
+        wide = hole & morphological_open(hole, square(CRACK_SIDE))
+        start = np.where(hole[..., None], telea.paint(picture, hole, seed), picture)
+        return color_from_planes(network.fill(color_planes(start)[None], wide)[0])
 
     return with_diffused_depth(paint, lambda: network.notes)
-
-
-def fill_picture(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: Engine) -> UInt8Array:
-    """H x W x 3: cracks as diffused, wider holes by the network, known pixels as they are."""
-    wide = hole & morphological_open(hole, square(CRACK_SIDE))
-    start = np.where(hole[..., None], diffused, known)
-    return color_from_planes(network.fill(color_planes(start)[None], wide)[0])

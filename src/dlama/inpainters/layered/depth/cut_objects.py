@@ -53,36 +53,6 @@ class CutObjects(NamedTuple):
     """N + 1 x 3: row and column of its centre and its radius, in cells; the first is 0."""
 
 
-class Chord(NamedTuple):
-    """The chord along which the border cuts an object."""
-
-    middle: NDArray[np.float64]
-    """Row and column."""
-    along: NDArray[np.float64]
-    """Unit vector, rows and columns."""
-    length: float
-    """Cells."""
-
-    @classmethod
-    def of(cls, cut: BoolArray) -> Chord:
-        """The line through the cells of `cut` (h x w), with their extent."""
-        cells = np.argwhere(cut).astype(np.float64)
-        mean = cells.mean(0)
-        along = np.linalg.svd(cells - mean, full_matrices=False)[2][0]
-        places = (cells - mean) @ along
-        return cls(mean + (places.max() + places.min()) / 2 * along, along, float(np.ptp(places)) + 1)
-
-    def circle(self, seen: BoolArray) -> tuple[NDArray[np.float64], float] | None:
-        """Centre (row, column) and radius, in cells, of the circle whose visible part is `seen` (h x w); None if THIN."""
-        outwards = np.array([-self.along[1], self.along[0]])
-        heights = (np.argwhere(seen) - self.middle) @ outwards
-        if np.ptp(heights) < THIN:
-            return None
-        angle = np.interp(len(heights) / self.length**2, SHARES, ANGLES)
-        radius = self.length / (2 * np.sin(angle))
-        return self.middle - np.sign(heights.mean()) * radius * np.cos(angle) * outwards, float(radius)
-
-
 def find_cut_objects(w: Float32Array, label: NDArray[np.int8], hole: BoolArray, adjacent: BoolArray) -> CutObjects:
     """The extents of cut objects out of view.
 
@@ -96,11 +66,7 @@ def find_cut_objects(w: Float32Array, label: NDArray[np.int8], hole: BoolArray, 
     if not cut.any():
         return CutObjects(beyond, number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
-    for here, chord in cut_parts(w, leaves, cut):
-        circle = chord.circle(here)
-        if circle is None:
-            continue
-        (row, column), radius = circle
+    for here, row, column, radius in cut_parts(w, leaves, cut):
         inside = np.hypot(rows - row, columns - column) <= RIM * radius
         depths.append(float(np.median(w[here & cut])))
         circles.append((row, column, radius))
@@ -131,8 +97,9 @@ def foliage(w: Float32Array, known: BoolArray) -> BoolArray:
     return np.asarray(steps >= DENSE * np.maximum(pairs, 1))
 
 
-def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tuple[BoolArray, Chord]]:
-    """Each cut object: h x w, its known cells within a chord's length of the chord; its chord. Arguments: h x w."""
+def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tuple[BoolArray, float, float, float]]:
+    """Each cut object that is not THIN: h x w, its known cells within a chord's length of the chord; row and column of the centre
+    and radius, in cells, of the circle whose visible part they are. Arguments: h x w."""
     part = cv2.connectedComponents(dilate_mask(cut, TOGETHER).astype(np.uint8), connectivity=8)[1]
     own = np.where(leaves, part.ravel()[nearest_known(cut)[1]], 0)
     for number in np.unique(part[cut]):
@@ -141,8 +108,25 @@ def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tu
             typical = np.quantile(w[left & cut], 0.5, method="lower")
             here = left & at_same_depth(w, typical)
             left &= ~here
-            chord = Chord.of(here & cut)
-            yield here & (nearest_known(here & cut)[0] <= chord.length), chord
+            middle, along, length = find_chord(here & cut)
+            here &= nearest_known(here & cut)[0] <= length
+            outwards = np.array([-along[1], along[0]])
+            heights = (np.argwhere(here) - middle) @ outwards
+            if np.ptp(heights) < THIN:
+                continue
+            angle = np.interp(len(heights) / length**2, SHARES, ANGLES)
+            radius = float(length / (2 * np.sin(angle)))
+            yield here, *(middle - np.sign(heights.mean()) * radius * np.cos(angle) * outwards), radius
+
+
+def find_chord(cut: BoolArray) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """The line through the cells of `cut` (h x w): its middle (row, column), its direction (a unit vector) and its length in
+    cells."""
+    cells = np.argwhere(cut).astype(np.float64)
+    mean = cells.mean(0)
+    along = np.linalg.svd(cells - mean, full_matrices=False)[2][0]
+    places = (cells - mean) @ along
+    return mean + (places.max() + places.min()) / 2 * along, along, float(np.ptp(places)) + 1
 
 
 def at_same_depth(w: Float32Array, typical: float | Float32Array) -> BoolArray:
