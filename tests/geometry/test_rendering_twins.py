@@ -75,6 +75,15 @@ def mesh_of(frame: RGBD, least: float = 0.0) -> tuple[np.ndarray, np.ndarray, np
     return depth, *edges.joints(inverse_depth(depth), ratio, least)
 
 
+def assert_joined(frame: RGBD, least: float = 0.0) -> None:
+    """Depth without flying pixels and joints of a frame's grid are the twins'."""
+    depth, joined = mesh_grid(dataclasses.replace(View.from_rgbd(frame), noise_step=least))
+    twin_depth, right, down = mesh_of(frame, least)
+    np.testing.assert_array_equal(depth, twin_depth)
+    np.testing.assert_array_equal((joined & RIGHT)[:, :-1] > 0, right)
+    np.testing.assert_array_equal((joined & DOWN)[:-1] > 0, down)
+
+
 @pytest.mark.parametrize("least", [0.0, 0.03])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_joints_and_flying_pixels(seed: int, least: float, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,11 +93,7 @@ def test_joints_and_flying_pixels(seed: int, least: float, monkeypatch: pytest.M
     view = dataclasses.replace(View.from_rgbd(frame), noise_step=least)
     w = inverse_depth(frame.depth)
     np.testing.assert_array_equal(find_joints(view).flying, edges.flying(w, edge_ratio(frame.camera), least))
-    depth, joined = mesh_grid(view)
-    twin_depth, right, down = mesh_of(frame, least)
-    np.testing.assert_array_equal(depth, twin_depth)
-    np.testing.assert_array_equal((joined & RIGHT)[:, :-1] > 0, right)
-    np.testing.assert_array_equal((joined & DOWN)[:-1] > 0, down)
+    assert_joined(frame, least)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -99,11 +104,7 @@ def test_slopes_are_joined(seed: int) -> None:
     w = 0.05 + 0.02 * rng.random() * u + 0.02 * rng.random() * v + 0.0005 * rng.standard_normal(u.shape)
     w = (w + 0.15 * (u > 5)) * (rng.random(w.shape) > 0.04)
     depth = np.divide(1, w, out=np.zeros_like(w), where=w > 0).astype(np.float32)
-    frame = RGBD(np.zeros((8, 9, 3), np.uint8), depth, Camera.from_fov(9, 8, 1))
-    _, joined = mesh_grid(View.from_rgbd(frame))
-    _, right, down = mesh_of(frame)
-    np.testing.assert_array_equal((joined & RIGHT)[:, :-1] > 0, right)
-    np.testing.assert_array_equal((joined & DOWN)[:-1] > 0, down)
+    assert_joined(RGBD(np.zeros((8, 9, 3), np.uint8), depth, Camera.from_fov(9, 8, 1)))
 
 
 @pytest.mark.parametrize("seed", SEEDS)

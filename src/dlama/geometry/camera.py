@@ -74,12 +74,10 @@ class Camera:
                 raise CameraError(f"camera `{name}` is {value:g} px; at most {LARGEST_PX:g} px is expected")
         for name in ("fx", "fy"):
             value = getattr(self, name)
-            if value <= 0:
-                raise CameraError(
-                    f"camera `{name}` is {value}; K is singular or negative, a focal length > 0 is expected"
-                )
             if value < SMALLEST_FOCAL_PX:
-                raise CameraError(f"camera `{name}` is {value:g} px; at least {SMALLEST_FOCAL_PX:g} px is expected")
+                raise CameraError(
+                    f"camera `{name}` is {value}; K is singular or negative, at least {SMALLEST_FOCAL_PX:g} px is expected"
+                )
         object.__setattr__(self, "world_from_cam", check_pose(self.world_from_cam))
 
     @classmethod

@@ -46,6 +46,8 @@ CAMERAS = [moved(LENS, (0, -8 * x, 0), (x, 0.02 * (n % 3), 0)) for n, x in enume
 ONE = count_bytes(View.from_rgbd(WORLD.rgbd(CAMERAS[0])))
 LIMIT = 12 * ONE
 TARGET = moved(LENS, (0, 1, 0), (0.03, 0.02, 0.05))
+FOUND = ("origins", "shows_source", "has_holes", "has_filled_depth", "has_errors", "has_open_holes", "has_far")
+"""What a scene asks of its layers."""
 
 
 class Reader:
@@ -198,12 +200,11 @@ def test_facts_of_a_stored_view_are_read_once() -> None:
         hole=np.zeros_like(plain.hole),
         origin=np.where(plain.hole, np.uint8(Origin.DEPTH_FILLED), plain.origin),
     )
-    names = ("origins", "shows_source", "has_holes", "has_filled_depth", "has_errors", "has_open_holes", "has_far")
     for view in (plain, filled):
         cache = PixelCache(0)
         stored = StoredView(LENS, partial(View.load, view), cache)
         for _ in range(2):
-            assert [getattr(stored, name) for name in names] == [getattr(view, name) for name in names]
+            assert [getattr(stored, name) for name in FOUND] == [getattr(view, name) for name in FOUND]
         assert cache.reads == 2  # the first reading finds what a scene asks of all its layers
         opened = stored.without_filled_depth()
         assert (opened is stored) == (view is plain) and isinstance(opened, StoredView)
@@ -228,7 +229,7 @@ def test_a_boxed_view_is_the_whole_one() -> None:
     assert boxed.part.camera.hw == (16, 15) and boxed.camera is LENS
     for field in dataclasses.fields(View)[1:]:
         np.testing.assert_array_equal(getattr(boxed.load(), field.name), getattr(whole, field.name))
-    for name in ("origins", "shows_source", "has_holes", "has_filled_depth", "has_errors", "has_open_holes", "has_far"):
+    for name in FOUND:
         assert getattr(boxed, name) == getattr(whole, name)
     again = pickle.loads(pickle.dumps(boxed))
     np.testing.assert_array_equal(again.load().depth, whole.depth)

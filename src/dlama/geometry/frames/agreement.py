@@ -47,11 +47,8 @@ class Overlap:
 
     def thin(self, every: int) -> Overlap:
         """With every n-th sample; the counts stay."""
-        if every == 1:
-            return self
-        return dataclasses.replace(
-            self, depth=self.depth[::every], error=self.error[::every], ratio=self.ratio[::every]
-        )
+        some = {name: getattr(self, name)[::every] for name in ("depth", "error", "ratio")}
+        return dataclasses.replace(self, **some)
 
 
 def make_comparable(layer: Layer) -> tuple[Float64Array, Float32Array]:

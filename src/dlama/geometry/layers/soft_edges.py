@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.grid_mesh import join_neighbours, mesh_grid
-from dlama.geometry.holes import fill_with_nearest, nearest_known, repeat_cells
+from dlama.geometry.holes import fill_with_nearest, nearest_known
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT, inverse_with_margin
 from dlama.geometry.kernels.jit import as_input, in_bands
 from dlama.geometry.kernels.matting import Border, Unmixed, separate, smooth
@@ -139,6 +139,5 @@ def find_edges(w: Float32Array, joined: UInt8Array) -> tuple[BoolArray, BoolArra
 
 def enlarge(plane: np.ndarray, step: int, size: tuple[int, int]) -> np.ndarray:
     """The plane of the grid in the picture's size (width, height): each value step x step times, the last ones repeated."""
-    large = repeat_cells(plane, step, size[::-1])
-    pad = [(0, whole - side) for whole, side in zip(size[::-1], large.shape)]
-    return np.pad(large, pad, mode="edge") if any(after for _, after in pad) else large
+    rows, columns = (np.minimum(np.arange(n) // step, cells - 1) for n, cells in zip(size[::-1], plane.shape))
+    return np.asarray(plane[rows[:, None], columns])

@@ -24,12 +24,11 @@ def subsample_scene(scene: Scene, step: int) -> Scene:
     """The scene with every layer and removal subsampled; those of which nothing is left are left out."""
     if step == 1:
         return scene
-    return dataclasses.replace(
-        scene,
-        frames=tuple(subsample(one.load(), step) for one in scene.frames),
-        removals=tuple(subsample(one.load(), step) for one in scene.removals if min(one.camera.hw) >= step),
-        fills=tuple(subsample(one.load(), step) for one in scene.fills if min(one.camera.hw) >= step),
+    frames, removals, fills = (
+        tuple(subsample(one.load(), step) for one in layers if min(one.camera.hw) >= step)
+        for layers in (scene.frames, scene.removals, scene.fills)
     )
+    return dataclasses.replace(scene, frames=frames, removals=removals, fills=fills)
 
 
 def subsample(view: View, step: int) -> View:
@@ -38,7 +37,6 @@ def subsample(view: View, step: int) -> View:
     if step == 1:
         return view
     rows, columns = (side // step * step for side in view.camera.hw)
-
     middle = slice(step // 2, rows, step), slice(step // 2, columns, step)
     color = mean_colors(view.color[:rows, :columns], ~view.color_hole[:rows, :columns], step)
     color[view.color_hole[middle]] = 0
