@@ -155,12 +155,8 @@ def test_fills_are_as_bright_as_the_view_that_shows_them() -> None:
         origin=np.where(hidden[0].hole, np.uint8(Origin.FILLED), hidden[0].origin),
     )
     many = fuse(Scene(tuple(hidden), gains=((2, 2, 2), *[(1, 1, 1)] * 2, (0.5, 1, 2))), filled)
-    for camera, color in (
-        (CAMERAS[0], [60] * 3),
-        (CAMERAS[1], [120] * 3),
-        (CAMERAS[3], [240, 120, 60]),
-        (BETWEEN, [120] * 3),
-    ):
+    seen_by = zip((CAMERAS[0], CAMERAS[1], BETWEEN, CAMERAS[3]), ([60] * 3, [120] * 3, [120] * 3, [240, 120, 60]))
+    for camera, color in seen_by:
         view = render(many, camera)
         inner = erode_square(view.origin == Origin.FILLED, 5)
         assert inner.sum() > 30

@@ -30,9 +30,8 @@ def edges_of(view: View, step: int = 1) -> SoftEdges:
     """Its soft edges, on a grid of every step-th pixel."""
     depth: Float32Array
     depth, joined = complete_surfaces(view)
-    if step > 1:
-        return find_soft_edges(np.repeat(np.repeat(view.color, step, 0), step, 1), inverse_depth(depth), joined, step)
-    return find_soft_edges(view.color, inverse_depth(depth), joined, step)
+    color = view.color.repeat(step, 0).repeat(step, 1)
+    return find_soft_edges(color, inverse_depth(depth), joined, step)
 
 
 @pytest.mark.parametrize("step", [1, 3])
