@@ -70,9 +70,9 @@ def _check_claims(file: Path) -> None:
     """Raise FileError where the header says that there is more than the file can hold: memory is taken by what it says."""
     with file.open("rb") as stream:
         head = stream.read(1 << 16).split(b"end_header")[0]
-    said, held = sum(map(int, re.findall(rb"^element \S+ (\d{1,20})", head, re.MULTILINE))), file.stat().st_size
-    if said > held:
-        raise FileError(f"{file}: is damaged or truncated (its header says {said} elements, in {held} bytes)")
+    stated, held = sum(map(int, re.findall(rb"^element \S+ (\d{1,20})", head, re.MULTILINE))), file.stat().st_size
+    if stated > held:
+        raise FileError(f"{file}: is damaged or truncated (its header states {stated} elements, in {held} bytes)")
 
 
 def _property(file: PathLike, vertex: Any, name: str) -> np.ndarray:
