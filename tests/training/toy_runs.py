@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import functools
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,6 +13,7 @@ import numpy as np
 
 from dlama.training.data.samples import world_views
 from dlama.training.data.sources import SampleSource, source_for
+from dlama.training.loop.run_files import METRICS
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -52,6 +54,12 @@ def kind_for(network: NetworkSettings) -> str:
 def world_source(network: NetworkSettings, size: int, split: Literal["train", "held_out"] = "train") -> SampleSource:
     """The samples of a run on worlds alone."""
     return source_for(samples_of(network.planes, size, **{kind_for(network): 1.0}), [], split)
+
+
+def read_metrics(run: Path) -> list[dict[str, float]]:
+    """The rows of a run's metrics.csv, empty cells left out."""
+    with (run / METRICS).open(newline="") as stream:
+        return [{name: float(text) for name, text in row.items() if name and text} for row in csv.DictReader(stream)]
 
 
 def keep_worlds() -> None:

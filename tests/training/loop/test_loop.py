@@ -13,7 +13,7 @@ torch = pytest.importorskip("torch", reason="training needs torch: pip install '
 pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
 from PIL import Image  # noqa: E402
-from toy_runs import Four, Spoiled, toy, world_source  # noqa: E402
+from toy_runs import Four, Spoiled, read_metrics, toy, world_source  # noqa: E402
 
 from dlama.apps.cli import main  # noqa: E402
 from dlama.errors import DlamaError, InputError, OutputError  # noqa: E402
@@ -35,7 +35,6 @@ from dlama.training.kinds import PLANES  # noqa: E402
 from dlama.training.loop import checkpointing, module  # noqa: E402
 from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
 from dlama.training.loop.module import initial_generator, moving_average, update_average  # noqa: E402
-from dlama.training.loop.run_files import read_metrics  # noqa: E402
 from dlama.training.loop.train import TrainingResult, train  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, telea  # noqa: E402
 from dlama.training.presets import PRESETS  # noqa: E402

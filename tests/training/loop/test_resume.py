@@ -12,14 +12,13 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
 pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
-from toy_runs import Exploit, toy, world_source  # noqa: E402
+from toy_runs import Exploit, read_metrics, toy, world_source  # noqa: E402
 
 from dlama.errors import FileError, InputError, OutputError  # noqa: E402
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader  # noqa: E402
 from dlama.training.loop import callbacks  # noqa: E402
 from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402  # noqa: E402
 from dlama.training.loop.module import TrainingModule  # noqa: E402
-from dlama.training.loop.run_files import read_metrics  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from dlama.errors import FileError, InputError, OutputError, system_errors
 from dlama.files.fields import json_text, json_value
-from dlama.training.presets import PRESETS, read_settings, settings_of, to_json
+from dlama.training.presets import PRESETS, read_settings, settings_of
 from dlama.training.settings import TrainSettings
 from dlama.writing.atomic_write import new_file, write_file, writing
 from dlama.writing.drafts import lock
@@ -113,11 +113,6 @@ def lock_run(run: Path) -> Iterator[None]:
         yield
 
 
-def write_settings(run: Path, settings: TrainSettings) -> None:
-    """Write settings.json, by which a directory is known to hold a run. OutputError."""
-    write_file(run / SETTINGS, to_json(settings))
-
-
 def write_data(run: Path, data: Sequence[Path]) -> None:
     """Write the folders that samples are made of, for `read_data`. OutputError."""
     write_file(run / DATA, json.dumps([str(path.absolute()) for path in data], indent=2, ensure_ascii=False) + "\n")
@@ -197,12 +192,3 @@ def _table(path: Path) -> list[dict[str, str]]:
     if "step" not in names:
         raise FileError(f"{path}: is damaged: it has no column `step`")
     return rows
-
-
-def read_metrics(run: Path) -> list[dict[str, float]]:
-    """The rows of metrics.csv, empty cells left out. FileError where they are no numbers, or there is no such file."""
-    rows = _table(run / METRICS)
-    try:
-        return [{name: float(text) for name, text in row.items() if text} for row in rows]
-    except ValueError as error:
-        raise FileError(f"{run / METRICS}: is damaged: {error}") from error

@@ -29,15 +29,16 @@ from dlama.training.loop.export import export, model_card
 from dlama.training.loop.module import TrainingModule
 from dlama.training.loop.run_files import (
     LAST,
+    SETTINGS,
     holds_run,
     lock_run,
     log_to_file,
     prepare,
     read_data,
     write_data,
-    write_settings,
 )
 from dlama.training.loop.validation import hole_metrics, scores_of, telea
+from dlama.training.presets import to_json
 from dlama.training.settings import TrainSettings
 from dlama.writing.atomic_write import write_file
 
@@ -126,7 +127,7 @@ def _train(
     if validation is not None:
         # only now: what was refused above leaves no settings, by which a run would be known
         write_data(run, data)
-        write_settings(run, settings)
+        write_file(run / SETTINGS, to_json(settings))
     checkpoint = _checkpoint(run) if resume else {}
     if checkpoint:
         restore(module, checkpoint, processes)

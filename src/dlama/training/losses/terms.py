@@ -36,11 +36,6 @@ def discriminator_loss(real: Tensor, fake: Tensor, mask: Tensor) -> Tensor:
     return (softplus(-real) + as_fake).mean()
 
 
-def generator_loss(fake: Tensor) -> Tensor:
-    """Equation 7: softplus(-D), the mean over all patches of the output's B x 1 x h x w scores."""
-    return softplus(-fake).mean()
-
-
 def gradient_penalty(real_scores: Tensor, real: Tensor) -> Tensor:
     """R1 of equation 9: mean over the batch of the squared norm of D's gradient at real pictures.
 
@@ -124,7 +119,7 @@ GENERATOR_TERMS: dict[str, Callable[[LossInputs], Tensor]] = {
     "depth_normal": lambda x: pixels.normal_consistency(*x.depth),
     "depth_law": lambda x: pixels.law_penalty(x.depth[0], x.batch["limit"], x.batch["mask"]),
     "perceptual": _perceptual,
-    "adversarial": lambda x: generator_loss(widen_half(x.discriminator_outputs[0])),
+    "adversarial": lambda x: softplus(-widen_half(x.discriminator_outputs[0])).mean(),  # equation 7
     "feature_matching": lambda x: feature_matching(x.discriminator_outputs[1], x.discriminator_outputs[2]),
 }
 """Each without its weight, in the order they are computed and added; those called depth_ are of networks whose output has depth.
