@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.datasets.posed.lenses import lens_for
 from dlama.datasets.posed.numbered_frames import numbered_files
@@ -192,20 +190,6 @@ def test_poses_in_another_unit_than_depth_are_told(tmp_path: Path) -> None:
         open_dataset(root)
     with pytest.raises(FileError, match=r"holds 0 frames; two or more"):
         posed_dataset("tum", root, [])
-
-
-def test_easysynths_own_options_reach_its_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Law: what was asked comes to the reader, what was not does not."""
-    got: list[dict[str, object]] = []
-
-    def read(root: Path, **options: object) -> Dataset:
-        got.append(options)
-        return Dataset("d", "easysynth", root, (), ())
-
-    monkeypatch.setitem(LAYOUTS, "easysynth", dataclasses.replace(LAYOUTS["easysynth"], read=read))
-    open_dataset(tmp_path, "easysynth", gamma="linear", removal_object="barrel")
-    open_dataset(tmp_path, "easysynth")
-    assert got == [{"gamma": "linear", "removal_object": "barrel"}, {}]
 
 
 def test_two_folders_that_make_one_scene_are_refused(tmp_path: Path) -> None:

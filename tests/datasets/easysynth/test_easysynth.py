@@ -15,6 +15,7 @@ from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, or
 from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
 from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, ViewTruth
+from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
 from dlama.geometry.motion.poses import quaternion_from_rotation, rotation_from_quaternion
@@ -180,7 +181,7 @@ def test_png_depth_must_say_its_encoding(sequence: Path) -> None:
     with pytest.raises(InputError, match=r"gamma is True; 'srgb' or 'linear' is expected"):
         easysynth(sequence, depth_range=10, gamma=True)  # type: ignore[arg-type]
     for gamma, share in (("srgb", 0.502886), ("linear", 188 / 255)):
-        depth = easysynth(sequence, depth_range=10, gamma=gamma).frames[0].load().depth
+        depth = open_dataset(sequence, depth_range=10, gamma=gamma).frames[0].load().depth
         assert depth[5, 5] == pytest.approx(10 * share, abs=1e-4) and depth[0, 0] == np.inf and depth[0, 1] == 0
 
 
@@ -207,7 +208,7 @@ def test_frames_that_do_not_show_the_object_are_no_removals(tmp_path: Path) -> N
     data = easysynth(tmp_path / "w")
     assert [case.frame for case in data.of("ori")] == ["with-0000", "with-0002"]
     assert [case.frame for case in data.of("vpi")] == ["with-0001", "with-0002"]
-    named = easysynth(tmp_path / "w", removal_object="255,0,0").of("ori")[0].load()
+    named = open_dataset(tmp_path / "w", removal_object="255,0,0").of("ori")[0].load()
     assert isinstance(named, RemovalTruth) and named.mask.sum() == 20
     with pytest.raises(MaskError, match=r"SemanticClasses.csv: no class is called 'car'; known: background, object"):
         easysynth(tmp_path / "w", removal_object="car")

@@ -28,7 +28,6 @@ from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import invert_pose, rotation_deg
 
-LAYOUT = "easysynth"
 SAME_POSE = 1e-4
 """Largest difference between the poses (metres, and entries of the rotation) of a frame with and without the object."""
 PIVOT_MISS = 0.01
@@ -73,7 +72,7 @@ def easysynth(
             Case(protocol, name, scene, frame, load, yaw)
             for protocol, frame, load, yaw in _cases(sequences, removal_object)
         ]
-    return Dataset(name, LAYOUT, root, tuple(frames), tuple(cases))
+    return Dataset(name, "easysynth", root, tuple(frames), tuple(cases))
 
 
 def looks_like_easysynth(root: Path) -> bool:
@@ -143,8 +142,8 @@ def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Ite
 def _truths(sequences: list[RenderedSequence]) -> dict[str, RenderedSequence]:
     """Name of a sequence with the object -> the one without it."""
     named = {sequence.folder.name: sequence for sequence in sequences}
-    rigs = [rig for rig in ("", "stereo_") if {f"{rig}with", f"{rig}without"} <= set(named)]
-    return {f"{rig}with": named[f"{rig}without"] for rig in rigs}
+    pairs = ("with", "without"), ("stereo_with", "stereo_without")
+    return {shown: named[hidden] for shown, hidden in pairs if {shown, hidden} <= set(named)}
 
 
 def _vpi(sequence: RenderedSequence, without: RenderedSequence | None, color: RGB | None) -> Iterator[_Case]:

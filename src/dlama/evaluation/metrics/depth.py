@@ -1,4 +1,4 @@
-"""An estimated and a true map of depth or disparity and a region in -> errors and shares of right pixels out.
+"""An estimate of depth, disparity or a point cloud and its truth in -> errors and shares of what is right out.
 
 Every true pixel is valid (finite, > 0), far (inf) or missing (0, NaN); where the truth is missing nothing is counted.
 Two rules then, because sky has no metres:
@@ -19,6 +19,7 @@ import math
 
 import numpy as np
 
+from dlama.errors import import_extra
 from dlama.evaluation.metrics.pictures import SETTINGS, mean_or_nan
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -130,3 +131,45 @@ def visible_in_right(disparity: Float32Array) -> BoolArray:
 
 def _is_known(disparity: Float32Array | Float64Array) -> BoolArray:
     return np.isfinite(disparity) & (disparity > 0)
+
+
+def cloud_scores(estimate: Float64Array, truth: Float64Array) -> dict[str, float]:
+    """How far the estimate lies from the truth, how much of the truth it covers, and both in one; by a k-d tree.
+
+    As in Knapitsch et al., "Tanks and Temples" (2017): precision is the share of estimated points nearer than a threshold to
+    the truth, recall the share of true points nearer than it to the estimate, the F-score their harmonic mean.
+
+    Args:
+        estimate: N x 3, metres.
+        truth: M x 3, metres.
+    Returns:
+        accuracy (metres, estimate to truth), completeness (metres, truth to estimate); per threshold fscore_0.02 (0..1).
+        Where one cloud is empty, distances are nan and shares 0; where both are, there is nothing to score and all is nan.
+    Raises:
+        MissingExtraError: scipy is not installed.
+    """
+    there, back = nearest_distances(estimate, truth), nearest_distances(truth, estimate)
+    scores = {"accuracy": _mean(there), "completeness": _mean(back)}
+    for threshold in SETTINGS.cloud_thresholds_m:
+        precision, recall = _share(there, threshold), _share(back, threshold)
+        both = precision + recall
+        scores[f"fscore_{threshold:.2f}"] = 2 * precision * recall / both if both > 0 else 0.0
+    if len(estimate) + len(truth) == 0:
+        return dict.fromkeys(scores, math.nan)
+    return scores
+
+
+def nearest_distances(points: Float64Array, others: Float64Array) -> Float64Array:
+    """For each of N points the distance to the nearest of M others: N metres, inf where there are no others."""
+    if len(points) == 0 or len(others) == 0:
+        return np.full(len(points), np.inf)
+    spatial = import_extra("scipy.spatial", "cloud metrics", "scipy", "evaluate")
+    return np.asarray(spatial.cKDTree(others).query(points)[0], np.float64)
+
+
+def _mean(distances: Float64Array) -> float:
+    return float(distances.mean()) if len(distances) and np.isfinite(distances).all() else math.nan
+
+
+def _share(distances: Float64Array, threshold: float) -> float:
+    return float((distances < threshold).mean()) if len(distances) else 0.0

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, Truth
-from dlama.evaluation.metrics.clouds import cloud_scores
+from dlama.evaluation.metrics.depth import cloud_scores
 from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map, region_mean
 from dlama.evaluation.metrics.regions import SMALLEST_SHADOW_PX, darkened_by_shadow, removal_regions
 from dlama.evaluation.protocols.methods import (
