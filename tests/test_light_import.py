@@ -46,7 +46,7 @@ for words in ([], *([verb] for verb in VERBS), *(["models", task] for task in ("
     with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
         main([*words, "--help"])
 """
-METRICS = ", ".join(f"dlama.evaluation.metrics.{name}" for name in ("pictures", "clouds", "depth", "lpips"))
+METRICS = ", ".join(f"dlama.evaluation.metrics.{name}" for name in ("pictures", "depth", "lpips"))
 LIGHT = (
     {
         "the package": ("import dlama", HEAVY),
