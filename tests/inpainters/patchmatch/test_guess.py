@@ -70,15 +70,15 @@ def test_detail_finer_than_the_guess_stays() -> None:
     np.testing.assert_array_equal(blend_with_guess(painted, guess, hole)[inner], painted[inner])
 
 
-@pytest.mark.parametrize(("painted", "guess"), [(100, 220), (220, 100)])
-def test_what_neither_the_picture_nor_the_other_shows_weighs_little(painted: int, guess: int) -> None:
-    """Closed form: all known pixels have 100 levels, so that the one with 220 is 120 off and the other 0: the weights are as
-    DISTANCE + 120 to DISTANCE."""
+@pytest.mark.parametrize(("painted", "guess", "weight"), [(100, 220, DISTANCE / (DISTANCE + 120)), (220, 100, 1.0)])
+def test_what_neither_the_picture_nor_the_other_shows_weighs_little(painted: int, guess: int, weight: float) -> None:
+    """Closed form: all known pixels have 100 levels, so that the one with 220 is 120 off and the other 0: a guess that is farther
+    off weighs DISTANCE / (DISTANCE + 120), one that is nearer replaces the patches."""
     hole = square_hole(96, 20, 70)
     patches, network = (in_hole(level, hole, 100) for level in (painted, guess))
     out = blend_with_guess(patches, network, hole, hole)
     assert (out[~hole] == 100).all()
-    np.testing.assert_allclose(out[35:55, 35:55], 100 + 120 * DISTANCE / (2 * DISTANCE + 120), atol=TELEA)
+    np.testing.assert_allclose(out[35:55, 35:55], painted + (guess - painted) * weight, atol=TELEA)
 
 
 def test_hidden_pixels_are_no_evidence() -> None:
@@ -89,14 +89,14 @@ def test_hidden_pixels_are_no_evidence() -> None:
     hidden = hole.copy()
     hidden[:20] = True
     out = blend_with_guess(patches, network, hole, hidden)
-    np.testing.assert_allclose(out[35:55, 35:55], 220 - 120 * DISTANCE / (2 * DISTANCE + 120), atol=TELEA)
+    np.testing.assert_allclose(out[35:55, 35:55], 220, atol=TELEA)
 
 
 @pytest.mark.parametrize(("spread", "counts"), [(0.0, 0.0), (AGREE, 0.5), (1e6, 1.0)])
 def test_patches_that_agree_are_kept(spread: float, counts: float) -> None:
-    """Closed form: patches and guess are as far from the known colours, so that their mean is taken; of the way to it
+    """Closed form: the guess is as near to the known colours as the patches are, so that it replaces them; of the way to it
     spread^2 / (spread^2 + AGREE^2) is gone."""
     hole = square_hole(96, 20, 70)
     painted, guess = in_hole(80, hole, 100), in_hole(120, hole, 100)
     out = blend_with_guess(painted, guess, hole, hole, spread=np.where(hole, np.float32(spread), np.float32(0)))
-    np.testing.assert_allclose(out[35:55, 35:55], 80 + 20 * counts, atol=TELEA)
+    np.testing.assert_allclose(out[35:55, 35:55], 80 + 40 * counts, atol=TELEA)

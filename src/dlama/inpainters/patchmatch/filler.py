@@ -24,7 +24,7 @@ GUESS_SIDE = 768
 """Longer side in pixels of the picture that the painter sees: detail comes from patches."""
 DIFFERS, NETWORK_DIFFERS = 26.0, 12.0
 """Levels by which patches differ from a smooth guess, and from a network's, where the mean of both is taken."""
-AGREE = 2.0
+AGREE = 3.0
 """Levels by which the patches over a pixel differ from each other where a network's guess weighs half of that: those of a regular
 pattern agree, and know more than the network."""
 GUESS_SHARE = 0.6
@@ -59,9 +59,10 @@ def blend_with_guess(
 ) -> UInt8Array:
     """H x W x 3: the painted hole, and its mean with the guess where the two differ: each errs elsewhere.
 
-    painted, guess: H x W x 3; hole: H x W; unknown: H x W, the pixels that a network has guessed. Given those, the one of the two
-    that is nearer to colours spread from the known pixels weighs more: a network may invent an object. spread: H x W, of
-    `complete_picture`: where patches agree they weigh more. guess_share: the weight of the guess, everywhere the same.
+    painted, guess: H x W x 3; hole: H x W; unknown: H x W, the pixels that a network has guessed. Given those, the guess replaces
+    what is painted where the two differ, and weighs less the farther it is from colours spread from the known pixels: a network
+    may invent an object. spread: H x W, of `complete_picture`: where patches agree they weigh more. guess_share: the weight of
+    the guess, everywhere the same.
     Detail finer than GUESS_SIDE pixels stays that of the painted picture.
     """
     box = box_around(hole, 3 * BLEND_PX)
@@ -91,12 +92,12 @@ def blend_with_guess(
 
 
 def weigh_guess(painted: Float32Array, guess: Float32Array, smooth: Float32Array | None) -> Float32Array:
-    """h x w weights of a guess (h x w x 3) in what is painted: half where the two differ; or, of a network's guess, more where it
-    is nearer to `smooth`, the colours that are spread from the known pixels."""
+    """h x w weights of a guess (h x w x 3) in what is painted: half where the two differ; a network's guess replaces what is
+    painted there, but for a mean where it is farther from `smooth`, the colours that are spread from the known pixels."""
     if smooth is None:
         return np.float32(0.5) * np.minimum(blurred_difference(guess, painted) / DIFFERS, 1)
     mine, others = (DISTANCE + blurred_difference(colors, smooth) for colors in (painted, guess))
-    return np.minimum(blurred_difference(guess, painted) / NETWORK_DIFFERS, 1) * (mine / (mine + others))
+    return np.minimum(blurred_difference(guess, painted) / NETWORK_DIFFERS, 1) * np.minimum(mine / others, 1)
 
 
 def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:
