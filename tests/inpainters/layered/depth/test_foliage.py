@@ -1,4 +1,4 @@
-"""Leaves are copied where a cut crown continues (oracles: a bush drawn whole and then cut, laws)."""
+"""Leaves are copied where a cut crown continues (oracles: literal twin, a bush drawn whole and then cut, laws)."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.foliage import copy_leaves, solid
 from dlama.inpainters.layered.depth_first import paint_over_depth
 from dlama.inpainters.layered.filler import layered
+from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, RIM, RIM_BUMPS, UNDECIDED, quilt
+from reference.quilting import quilted
 
 CAMERA = Camera.from_fov(256, 192, 60)
 ROWS, COLUMNS = np.indices(CAMERA.hw)
@@ -90,3 +92,22 @@ def test_what_has_no_steps_is_no_leaf() -> None:
     np.testing.assert_array_equal(solid(slope, known, 13)[:, 6:], np.ones_like(known)[:, 6:])
     assert not solid(slope, known, 13)[:, :5].any()
     assert not solid(np.where((ROWS + COLUMNS) % 2, 0.2, 0.21).astype(np.float32), known, 13).any()
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_quilting_is_as_its_twin(stride: int) -> None:
+    """Oracle: literal twin, on a picture half of which is undecided, with gaps, and a block that reaches over the border."""
+    rng = np.random.default_rng(3)
+    hw, side = (24, 30), 6
+    color = rng.integers(0, 256, (*hw, 3), dtype=np.uint8)
+    state = np.where(rng.random(hw) < 0.2, GAP, np.arange(24 * 30).reshape(hw)).astype(np.int32)
+    state[:, 15:], state[:3, :4] = UNDECIDED, OUTSIDE
+    places = np.array([(y, x) for x in (13, 17, 21, 26) for y in (-2, 2, 6, 10, 14, 18, 21)], np.int32)
+    corners = np.array([(y, x) for y in (4, 9, 15, 18) for x in (0, 4, 8)], np.int32)
+    own, there = (rng.random((len(a), 2)).astype(np.float32) for a in (places, corners))
+    tried = rng.integers(0, len(corners), (len(places), 5)).astype(np.int32)
+    bumps = rng.normal(size=hw).astype(np.float32)
+    wanted = quilted(state, color, places, corners, own, tried, there, side, stride, 80.0, RIM + -RIM_BUMPS * bumps)
+    quilt(state, color, places, corners, own, tried, there, side, stride, 80.0, bumps)
+    np.testing.assert_array_equal(state, wanted)
+    assert not (state == UNDECIDED).any() and (state == OUTSIDE).sum() == 12

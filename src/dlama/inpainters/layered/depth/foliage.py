@@ -6,7 +6,6 @@ dense, as in its visible part.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import cv2
@@ -15,12 +14,12 @@ from numpy.typing import NDArray
 
 from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import erode_mask, morphological_close, morphological_open, nearest_known, square
+from dlama.geometry.kernels.jit import as_input
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.layered.depth.cut_objects import GAPS, CutObjects, at_same_depth
+from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, UNDECIDED, quilt
 
-OUTSIDE, UNDECIDED, GAP = -3, -2, -1
-"""Source of a pixel: not needed, not decided yet, and a gap that shows the background."""
 AROUND = 1.4
 """Radii round the middle of a crown within which its leaves are searched."""
 SOLID, FLAT = 6, 1.01
@@ -37,8 +36,6 @@ TRIED = 24
 """Known blocks, at random, that are compared for each place."""
 COLOR_SCALE = 80.0
 """Grey-level difference between two leaves that costs as much as a leaf in place of a gap."""
-RIM, RIM_BUMPS = 0.8, 0.2
-"""Reach of a block in the first round, in half sides from its middle, and the variation of its rim."""
 RADIAL, UPRIGHT = 2.0, 0.7
 """Weights of the differences of two blocks in radius and in height: crowns are sparse at the rim."""
 RAGGED, BY_LIGHT = 0.06, 0.7
@@ -90,7 +87,7 @@ class Crown:
         return inner if inner.sum() > max(FEW, SHARE_LEFT * self.leaf.sum()) else self.leaf
 
     def quilt(self, state: NDArray[np.int32], known: BoolArray, rng: np.random.Generator) -> bool:
-        """Decide `state` (h x w, see `quilt`) in place from blocks of `known` pixels (h x w); False: too few."""
+        """Decide `state` (h x w, see `kernels.quilt`) in place from blocks of `known` pixels (h x w); False: too few."""
         side, corners = self.known_blocks(known)
         if not len(corners):
             return False
@@ -98,11 +95,11 @@ class Crown:
         places = np.unique(np.argwhere(state == UNDECIDED) // pitch, axis=0) * pitch - (side - pitch) // 2
         middle = np.clip(places + side // 2, 0, np.array(state.shape) - 1)
         order = np.argsort(nearest_known(self.leaf)[0][tuple(middle.T)], kind="stable")
-        tried = rng.integers(0, len(corners), (len(places), TRIED))
-        apart = self.marks(places[order], side)[:, None] - self.marks(corners, side)[tried]
-        penalty = np.square(apart).sum(-1, dtype=np.float64)
+        first, known_first = (each.astype(np.int32, order="C") for each in (places[order], corners))
+        tried = rng.integers(0, len(corners), (len(first), TRIED)).astype(np.int32)
         bumps = leafy(state.shape, max(1.0, side / 8))
-        quilt(state, self.color, places[order], corners[tried], penalty, side, bumps)
+        marks = self.marks(first, side), tried, self.marks(corners, side)
+        quilt(state, as_input(self.color), first, known_first, *marks, side, max(1, side // 8), COLOR_SCALE, bumps)
         return True
 
     def known_blocks(self, known: BoolArray) -> tuple[int, NDArray[np.int64]]:
@@ -134,42 +131,6 @@ class Crown:
         brighter = (light - light[own].mean()) / (light[own].std() + 1)
         rim = 1 + BY_LIGHT * (leafy(own.shape, self.cell) - brighter)
         return np.asarray(RAGGED * self.circle[2] * rim, np.float32)
-
-
-def quilt(
-    state: NDArray[np.int32],
-    color: UInt8Array,
-    places: NDArray[np.int64],
-    tried: NDArray[np.int64],
-    penalty: NDArray[np.float64],
-    side: int,
-    bumps: Float32Array,
-) -> None:
-    """Fill undecided pixels of `state`, block by block, from the known block that differs least from what is decided; in place.
-
-    After Efros & Freeman, "Image quilting" (2001), with uneven rims (`bumps`, h x w, standard deviation 1) in place of the cut:
-    a first round leaves them out, a second fills the rest. state: h x w, flat index of each pixel's source, its own where known,
-    GAP, UNDECIDED or OUTSIDE. color: h x w x 3. places: T x 2, corners (row, column) of the blocks of side x side pixels, in
-    order, which may reach beyond the picture; tried: T x C x 2, corners of the known blocks tried for each; penalty: T x C.
-    """
-    colors, few = color.reshape(-1, 3).astype(np.float64), slice(None, None, max(1, side // 8))
-    for last, place in itertools.product((False, True), range(len(places))):
-        y, x = places[place]
-        here = state[max(y, 0) : y + side, max(x, 0) : x + side]
-        undecided = here == UNDECIDED
-        if not undecided.any():
-            continue
-        rows, columns = max(-y, 0) + np.arange(here.shape[0])[:, None], max(-x, 0) + np.arange(here.shape[1])
-        own, known = here[few, few], tried[place][..., None, None]
-        other = state[known[:, 0] + rows[few], known[:, 1] + columns[few]]
-        unlike = np.square((colors[np.maximum(own, 0)] - colors[np.maximum(other, 0)]) / COLOR_SCALE).sum(-1)
-        unlike = np.where((own < 0) | (other < 0), (own < 0) != (other < 0), unlike)
-        decided = own >= GAP
-        cost = (unlike * decided).sum((1, 2)) / (decided.sum() + 1e-6) + penalty[place]
-        down, right = tried[place, cost.argmin()]
-        reach = (RIM - RIM_BUMPS * bumps[max(y, 0) : y + side, max(x, 0) : x + side].astype(np.float64)) * (side / 2)
-        inside = (np.abs(rows - side / 2) < reach) & (np.abs(columns - side / 2) < reach)
-        here[...] = np.where(undecided & (inside | last), state[down + rows, right + columns], here)
 
 
 def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> NDArray[np.intp]:
