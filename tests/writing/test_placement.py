@@ -136,29 +136,68 @@ def write_run(folder: Path, text: str) -> None:
             (draft / name).write_text(text)
 
 
-@pytest.mark.parametrize("renames", range(5))
-def test_the_next_run_finishes_one_that_was_killed(
+@pytest.mark.parametrize("renames", range(7))
+def test_no_kill_mixes_two_runs_and_the_next_run_finishes_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, renames: int
 ) -> None:
-    """Whichever rename was the last: every file is whole, the next run moves the rest first, and other people's files survive it
-    all. Also in the folder somebody works in, which keeps its identity (oracle: its inode)."""
-    write_run(tmp_path, "first")
-    (tmp_path / "notes.txt").write_text("mine")
-    (tmp_path / "right" / "notes.txt").write_text("mine")
-    monkeypatch.chdir(tmp_path)
-    before = tmp_path.stat().st_ino
+    """Oracle: all files of one run have one text, whichever rename was the last; other people's files survive it all."""
+    out = tmp_path / "out"
+    write_run(out, "first")
+    (out / "notes.txt").write_text("mine")
+    (out / "right" / "notes.txt").write_text("mine")
+    (out / "folder").mkdir()
+    (out / "folder" / "deep.txt").write_text("mine")
     with monkeypatch.context() as broken:
         killed_after(renames, broken)
         with contextlib.suppress(Killed):
+            write_run(out, "second")
+    if out.exists():
+        assert len({(out / name).read_text() for name in NAMES}) == 1
+    monkeypatch.setattr(drafts, "_swept", set())
+    write_run(out, "third")
+    assert [(out / name).read_text() for name in NAMES] == ["third"] * 3
+    for name in ("notes.txt", "right/notes.txt", "folder/deep.txt"):
+        assert (out / name).read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"] and len(everything(out)) == 8
+
+
+def test_a_directory_that_cannot_be_renamed_is_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder somebody works in keeps its identity (oracle: its inode), and the next run finishes a killed one."""
+    write_run(tmp_path, "first")
+    (tmp_path / "notes.txt").write_text("mine")
+    monkeypatch.chdir(tmp_path)
+    before = tmp_path.stat().st_ino
+    with monkeypatch.context() as broken:
+        killed_after(2, broken)
+        with pytest.raises(Killed):
             write_run(Path(), "second")
-    assert {(tmp_path / name).read_text() for name in NAMES} <= {"first", "second"}
     monkeypatch.setattr(drafts, "_swept", set())
     with new_directory(".") as draft:
-        assert {(tmp_path / name).read_text() for name in NAMES} == {"second" if renames else "first"}
+        assert {(tmp_path / name).read_text() for name in NAMES} == {"second"}
         (draft / "image.txt").write_text("third")
-    assert tmp_path.stat().st_ino == before and (tmp_path / "image.txt").read_text() == "third"
-    assert {(tmp_path / name).read_text() for name in ("notes.txt", "right/notes.txt")} == {"mine"}
-    assert everything(tmp_path) == ["image.txt", "meta.txt", "notes.txt", "right", "right/image.txt", "right/notes.txt"]
+    assert tmp_path.stat().st_ino == before and (tmp_path / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "image.txt").read_text() == "third"
+    assert everything(tmp_path) == ["image.txt", "meta.txt", "notes.txt", "right", "right/image.txt"]
+
+
+@pytest.mark.parametrize(
+    "refused", [OSError(18, "Invalid cross-device link"), PermissionError(13, "Permission denied")]
+)
+def test_a_directory_whose_renaming_fails_is_filled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: OSError
+) -> None:
+    out, rename = tmp_path / "out", Path.rename
+    write_run(out, "first")
+
+    def refusing(self: Path, target: Path) -> Path:
+        if self == out:
+            raise refused
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", refusing)
+    write_run(out, "second")
+    assert {(out / name).read_text() for name in NAMES} == {"second"} and everything(tmp_path)[0] == "out"
+    assert len(everything(tmp_path)) == 5
 
 
 def test_a_link_stays_a_link_and_rights_stay(tmp_path: Path) -> None:

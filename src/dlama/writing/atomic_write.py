@@ -1,12 +1,14 @@
 """A path in; a place to write to out, which becomes that path only when all went well.
 
-A run that is interrupted, fails or runs out of disk leaves nothing behind: no half file and no half directory. A killed run
-leaves a hidden draft, which the next run that writes there removes (`drafts`). What has been placed is on the disk: a power cut
-does not empty it.
+A run that is interrupted, fails or runs out of disk leaves nothing behind: no half file, no half directory, no mixture of two
+runs. A killed run leaves a hidden draft, which the next run that writes there removes (`drafts`). What has been placed is
+on the disk: a power cut does not empty it.
 
-A new directory is written next to its place and renamed to it. Into a directory that is there already, whose other files stay,
-the new one is written as a hidden folder; when all of it is whole, its files are moved to their places one by one, by renames
-alone. Where a run is killed among these, the next one that writes there moves the rest.
+How a directory is replaced: the new one is written next to it, the old one renamed aside (`.dlama-old-...`), the new one renamed
+to its place, then what else the old one held (other people's files) is moved back, and the old one is removed. A run that is
+killed on the way is finished by the next one that writes there: the old directory returns to an empty place, else what is left
+of other people's files is moved. A directory that cannot be renamed (a mount point, a parent closed to us, the folder somebody
+works in) keeps its identity: files are moved into it one by one, and the next run completes that where one was killed.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from pathlib import Path
 from dlama.errors import OutputError
 from dlama.writing.drafts import (
     DRAFT,
+    OLD,
     PLACING,
     find_abandoned,
     hold,
@@ -146,10 +149,7 @@ def begins_at_home(path: PathLike) -> bool:
 
 def _draft_directory(target: Path, made: list[Path]) -> Path:
     """An empty directory on the same disk as `target`; folders made on the way are added to `made`, outermost first."""
-    for whole in find_abandoned(target, PLACING):
-        _move_into(whole, target)
-    remove_abandoned(target.parent)
-    remove_abandoned(target)
+    _finish_interrupted(target)
     if target.is_symlink():  # what is left of a name when its links are followed
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     if target.exists() and not target.is_dir():
@@ -158,13 +158,25 @@ def _draft_directory(target: Path, made: list[Path]) -> Path:
         if not folder.exists():
             folder.mkdir()
             made.append(folder)
-    draft = (target if target.exists() else target.parent) / name_of(DRAFT, target.name)
+    sibling = not target.exists() or _can_be_renamed(target)
+    draft = (target.parent if sibling else target) / name_of(DRAFT, target.name)
     draft.mkdir()  # not tempfile: the result gets the rights any new directory gets
     return draft
 
 
+def _can_be_renamed(target: Path) -> bool:
+    """Whether another directory may take its place: not a mount point, not the folder we are in, its parent open to us."""
+    with contextlib.suppress(OSError):
+        here = Path.cwd()
+        if here == target or target in here.parents:
+            return False
+    return (
+        os.access(target.parent, os.W_OK | os.X_OK) and os.access(target, os.W_OK | os.X_OK) and not target.is_mount()
+    )
+
+
 def _place(draft: Path, target: Path) -> None:
-    """The draft becomes `target`, or all of it is moved into `target`. OSError."""
+    """The draft becomes `target`, with what `target` held besides. OSError; then `target` is as it was."""
     for path in draft.rglob("*"):
         if path.is_file():
             _flush(path)
@@ -172,6 +184,29 @@ def _place(draft: Path, target: Path) -> None:
         draft.replace(target)
         return
     _refuse_conflicts(draft, target)
+    if draft.parent == target.parent and _is_movable(draft, target):
+        with contextlib.suppress(OSError):  # as file systems in layers refuse to rename folders
+            _swap(draft, target)
+            return
+    _place_inside(draft, target)
+
+
+def _swap(draft: Path, target: Path) -> None:
+    """Rename the old directory aside and the new one to its place, and move what the old one held besides."""
+    _copy_rights(target, draft)
+    old = target.with_name(name_of(OLD, target.name))
+    with hold(target):
+        target.rename(old)
+        try:
+            draft.rename(target)
+        except OSError:
+            old.rename(target)
+            raise
+        _move_what_is_missing(old, target)
+
+
+def _place_inside(draft: Path, target: Path) -> None:
+    """Move all of the draft into `target`, one by one. A run that is killed meanwhile is finished by `_finish_interrupted`."""
     whole = target / name_of(PLACING, target.name)
     draft.rename(whole)
     with hold(whole):
@@ -182,19 +217,50 @@ def _place(draft: Path, target: Path) -> None:
             raise
 
 
+def _finish_interrupted(target: Path) -> None:
+    """What runs that were killed while they placed a directory left undone, and their drafts."""
+    for old in find_abandoned(target.parent, OLD, target.name):
+        if target.exists():
+            _move_what_is_missing(old, target)
+        else:
+            old.rename(target)
+    for whole in find_abandoned(target, PLACING):
+        _move_into(whole, target)
+    remove_abandoned(target.parent)
+    remove_abandoned(target)
+
+
+def _move_what_is_missing(old: Path, target: Path) -> None:
+    """Move what `old` holds and `target` does not into `target`, then remove `old`."""
+    for entry in sorted(old.iterdir()):
+        place = target / entry.name
+        if _is_folder(entry) and _is_folder(place):
+            _move_what_is_missing(entry, place)
+        elif not os.path.lexists(place):
+            entry.rename(place)
+    shutil.rmtree(old, ignore_errors=True)
+
+
 def _refuse_conflicts(draft: Path, target: Path) -> None:
-    """OSError where a file would have to take the place of a folder, or a folder that of a file, or a folder is closed to us:
-    nothing is placed then."""
+    """OSError where a file would have to take the place of a folder, or a folder that of a file: nothing is placed then."""
     for entry in draft.iterdir():
         place = target / entry.name
         if entry.is_dir() and place.exists() and not place.is_dir():
             raise NotADirectoryError(f"{place.name} in it is a file, a directory is expected")
         if entry.is_dir() and place.is_dir():
-            if not os.access(place, os.W_OK | os.X_OK):
-                raise PermissionError(f"{place.name} in it may not be written")
             _refuse_conflicts(entry, place)
-        elif not entry.is_dir() and place.is_dir() and not place.is_symlink():
+        elif not entry.is_dir() and _is_folder(place):
             raise IsADirectoryError(f"{place.name} in it is a directory, a file is expected")
+
+
+def _is_movable(draft: Path, target: Path) -> bool:
+    """Whether everything in `target` can be moved out of it: folders must be open to us, and no mount points."""
+    for entry in target.iterdir():
+        if _is_folder(entry) and (entry.is_mount() or not os.access(entry, os.W_OK | os.X_OK)):
+            return False
+        if _is_folder(entry) and (draft / entry.name).is_dir() and not _is_movable(draft / entry.name, entry):
+            return False
+    return True
 
 
 def _move_into(draft: Path, target: Path) -> None:
@@ -206,6 +272,19 @@ def _move_into(draft: Path, target: Path) -> None:
         else:
             entry.replace(place)
     draft.rmdir()
+
+
+def _is_folder(path: Path) -> bool:
+    return path.is_dir() and not path.is_symlink()
+
+
+def _copy_rights(old: Path, new: Path) -> None:
+    """Rights and owner of the old folder for the new one, as far as that is allowed."""
+    with contextlib.suppress(OSError):
+        shutil.copymode(old, new)
+        found = old.stat()
+        if hasattr(os, "chown") and (found.st_uid, found.st_gid) != (new.stat().st_uid, new.stat().st_gid):
+            os.chown(new, found.st_uid, found.st_gid)
 
 
 def _flush(path: Path) -> None:

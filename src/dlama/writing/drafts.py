@@ -1,12 +1,13 @@
 """A folder in; hidden names for what is being written there, and the drafts that killed runs left there, out.
 
-A name is `.dlama-draft-PID@HOST-RANDOM-.SUFFIX`. A process holds a lock on each of its drafts, which the system releases when the
+A name is `.dlama-draft-PID@HOST-RANDOM-NAME`. A process holds a lock on each of its drafts, which the system releases when the
 process ends, however it ends. A draft is abandoned if nobody holds it and its process has ended, or is unknown for an hour.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import re
 import shutil
@@ -20,10 +21,12 @@ try:
 except ImportError:  # Windows: age alone decides
     fcntl = None  # type: ignore[assignment]
 
-DRAFT, PLACING = ".dlama-draft-", ".dlama-placing-"
-"""Prefixes: being written; whole, and being moved to its place."""
+DRAFT, OLD, PLACING = ".dlama-draft-", ".dlama-old-", ".dlama-placing-"
+"""Prefixes: being written; an earlier folder that a new one has just replaced; whole, and being moved to its place."""
 STALE_SECONDS = 3600.0
 """Age at which a draft that nobody holds is abandoned, where its process cannot be asked after (another computer's, Windows)."""
+LONGEST = 120
+"""Bytes of a name that are kept in a draft's; file systems take 255."""
 HOST = re.sub(r"[^A-Za-z0-9.]", "", socket.gethostname())[:20] or "host"
 
 _mine: set[str] = set()
@@ -34,8 +37,14 @@ _swept: set[str] = set()
 
 def name_of(prefix: str, name: str) -> str:
     """A new hidden name for `name`, with its suffix."""
+    return f"{prefix}{os.getpid()}@{HOST}-{os.urandom(4).hex()}-{_short_name(name)}"
+
+
+def _short_name(name: str) -> str:
+    if len(os.fsencode(name)) <= LONGEST:
+        return name
     suffix = Path(name).suffix
-    return f"{prefix}{os.getpid()}@{HOST}-{os.urandom(4).hex()}-{suffix if len(suffix) <= 20 else ''}"
+    return hashlib.sha256(os.fsencode(name)).hexdigest()[:16] + (suffix if len(os.fsencode(suffix)) <= 20 else "")
 
 
 @contextlib.contextmanager
@@ -89,14 +98,15 @@ def remove_abandoned(folder: Path, *, again: bool = False) -> None:
         remove(path)
 
 
-def find_abandoned(folder: Path, prefix: str) -> list[Path]:
-    """What ended processes left in `folder` under that prefix, sorted. Raises nothing."""
+def find_abandoned(folder: Path, prefix: str, name: str | None = None) -> list[Path]:
+    """What ended processes left in `folder` under that prefix, sorted; `name`: only of that file or folder. Raises nothing."""
     try:
         with os.scandir(folder) as entries:
             names = sorted(entry.name for entry in entries if entry.name.startswith(prefix))
     except OSError:
         return []
-    return [folder / name for name in names if is_abandoned(folder / name, prefix)]
+    end = "" if name is None else f"-{_short_name(name)}"
+    return [folder / each for each in names if each.endswith(end) and is_abandoned(folder / each, prefix)]
 
 
 def is_abandoned(path: Path, prefix: str) -> bool:
