@@ -109,10 +109,12 @@ def crops(hole: BoolArray, layout: Layout) -> Iterator[tuple[Box, BoolArray]]:
 
 def cell_groups(hole: BoolArray) -> tuple[np.ndarray, int]:
     """H x W int number of each pixel's group of neighbouring cells with holes (0 = no hole in its cell), and how many."""
-    cells = hole
-    for axis in (0, 1):
-        cells = np.logical_or.reduceat(cells, np.arange(0, hole.shape[axis], CELL), axis)
-    count, number = cv2.connectedComponents(cells.view(np.uint8), connectivity=8)
+    height, width = hole.shape
+    rows, columns = -(-height // CELL), -(-width // CELL)
+    full = np.zeros((rows * CELL, columns * CELL), bool)  # `reduceat` takes twice the time
+    full[:height, :width] = hole
+    cells = full.reshape(rows, CELL, columns, CELL).any((1, 3))
+    count, number = cv2.connectedComponents(np.asarray(cells, np.uint8), connectivity=8)
     return repeat_cells(number, CELL, hole.shape), count - 1
 
 
