@@ -151,7 +151,7 @@ def train(asked: argparse.Namespace) -> None:
     torch.manual_seed(asked.seed)
     device, weights = torch.device(asked.device), Weights(**dict(asked.weight))
     learnt, held_out = (Crops(asked.folder / split, device) for split in COUNTS)
-    run = Run(asked.start, device, weights, asked.guided)
+    run = Run(asked.start, device, weights, asked.guided, asked.half or device.type == "cuda")
     asked.output.mkdir(parents=True, exist_ok=True)
     state = asked.output / "state.pt"
     if asked.resume:
@@ -215,6 +215,7 @@ def main() -> None:
     two.add_argument("--device", default="cpu")
     two.add_argument("--weight", type=weight, nargs="*", default=[], help="NAME=VALUE of a term of the loss")
     two.add_argument("--guided", action="store_true")
+    two.add_argument("--half", action="store_true", help="bfloat16, as always on a GPU; for processors with AMX")
     two.add_argument("--seed", type=int, default=0)
     two.add_argument("--resume", action="store_true")
     two.set_defaults(do=train)

@@ -84,8 +84,11 @@ class Generator(nn.Module):
             x = values.get(inputs[0])
             if kind == "Conv":
                 pads = about.get("pads", [0, 0])
-                rest = [values[name] for name in inputs[1:]]
-                x = functional.conv2d(x, *rest, stride=about["strides"], padding=pads[:2], groups=about.get("group", 1))
+                rest, groups = [values[name] for name in inputs[1:]], about.get("group", 1)
+                slow = x.device.type == "cpu" and groups > 1 and about["strides"][0] > 1  # backwards, in half precision
+                with torch.autocast("cpu", enabled=torch.is_autocast_enabled("cpu") and not slow):
+                    x = x.float() if slow else x
+                    x = functional.conv2d(x, *rest, stride=about["strides"], padding=pads[:2], groups=groups)
             elif kind == "LeakyRelu":
                 x = functional.leaky_relu(x, about["alpha"])
             elif kind == "Add":
@@ -138,8 +141,11 @@ class PatchDiscriminator(nn.Module):
 class Run:
     """What is trained, its losses and state."""
 
-    def __init__(self, start: Path, device: torch.device, weights: Weights, guided: bool = False) -> None:
-        self.device, self.weights, self.step = device, weights, 0
+    def __init__(
+        self, start: Path, device: torch.device, weights: Weights, guided: bool = False, half: bool = False
+    ) -> None:
+        """half: bfloat16; a processor with AMX takes two thirds of the time."""
+        self.device, self.weights, self.in_half, self.step = device, weights, half, 0
         self.generator, self.discriminator = Generator(start, guided), PatchDiscriminator()
         self.perceptual = LpipsLoss()
         for network in (self.generator, self.discriminator, self.perceptual):
@@ -170,9 +176,9 @@ class Run:
             for group in optimizer.param_groups:
                 group["lr"] = factor * rate
 
-    def half(self) -> torch.autocast:
-        """Half precision on a GPU."""
-        return torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda")
+    def half(self, unless: bool = False) -> torch.autocast:
+        """Half precision, where the run has it."""
+        return torch.autocast(self.device.type, torch.bfloat16, enabled=self.in_half and not unless)
 
     def learn(self, batch: Batch, rng: np.random.Generator) -> Tensor:
         """One step of both networks; the absolute difference, LPIPS and both judgements."""
@@ -216,7 +222,7 @@ class Run:
         """A step of the discriminator; its loss, 2 log 2 where it cannot tell the two apart."""
         penalised = self.step % PENALTY_EVERY == 0
         truth = truth.detach().requires_grad_(penalised)
-        with self.half():
+        with self.half(unless=penalised):  # whose second derivatives are slow in half precision
             real, fake = (self.discriminator(picture, hole)[0].float() for picture in (truth, filled))
         loss = found = mean_in(functional.softplus(-real), hole) + mean_in(functional.softplus(fake), hole)
         if penalised:
