@@ -24,7 +24,7 @@ from dlama.errors import DlamaError, MaskError
 from dlama.geometry.holes import box_around, dilate_square, shrink_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, unseen_colors
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
 from dlama.inpainters.layered.color.surface_colors import paint_surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import hide_from_painter
@@ -150,7 +150,7 @@ def planes_of_view(task: FillTask) -> Planes:
     holes, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     painted = blend_with_low_frequency(view, painted, holes, w, surfaces.label)
     seen, share = shrink_known(view.color, ~hidden, size)
-    open_, unseen = (levels_of(small(one.astype(np.float32), size)) for one in (view.color_hole, unseen_colors(view)))
+    open_, unseen = (levels_of(small(one.astype(np.float32), size)) for one in (view.color_hole, view.unseen_hole))
     return {
         "color": np.clip(np.round(seen), 0, 255).astype(np.uint8),
         "flags": np.stack([np.uint8(255) * (share < 0.5), open_, unseen], 2),

@@ -140,6 +140,11 @@ class View(Figured, Facts):
         return self.hole & (self.hole_type == HoleType.OBJECT.value)
 
     @property
+    def unseen_hole(self) -> BoolArray:
+        """H x W, True in colour holes out of the source's view."""
+        return self.color_hole & (self.hole_type == HoleType.OUT_OF_VIEW.value)
+
+    @property
     def known_depth(self) -> Float32Array:
         """H x W metres, 0 in holes; +inf = far."""
         return np.where(self.hole, np.float32(0), self.depth)
@@ -206,6 +211,10 @@ class View(Figured, Facts):
         if not self.has_filled_depth:
             return self
         return self.reopen(has_code(self.origin, *DEPTH_FROM_OTHERS) & ~self.hole).with_planes(errors=None)
+
+    def with_known_depth(self, depth: Float32Array, where: BoolArray) -> View:
+        """The view with depth (H x W metres) as known in pixels of `where` (H x W bool), which lacked it alone."""
+        return self.with_planes(depth=np.where(where, depth, self.depth), hole=self.hole & ~where)
 
     def with_pixels(self, other: View, where: BoolArray) -> View:
         """The same view with another one's pixels, of the same camera, in `where` (H x W bool); `hole_type` stays its own."""

@@ -19,7 +19,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.color.surface_colors import find_leaves, paint_leaves
-from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully, with_depth
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.remaining_shadows import depth_of_removed, find_remaining_shadow
 from dlama.perception.planes import plane_values_at
 
@@ -83,7 +83,7 @@ def hide_from_painter(
     """
     find, missing = find_occluders_coarsely if coarsely else find_occluders, view.depth_hole
     if missing.any():  # an occluder hides with all its pixels
-        view = with_depth(view, depth, missing)
+        view = view.with_known_depth(depth, missing)
     hidden = view.color_hole | find(view, surfaces, depth, law)
     if not view.object_hole.any():
         return hidden, {}

@@ -26,7 +26,7 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array, paste, replace_pixels
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
-from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess, unseen_colors
+from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.color.surface_colors import paint_surfaces
 from dlama.inpainters.layered.depth.surfaces import continue_lawfully
 from dlama.inpainters.layered.depth_first import hide_from_painter
@@ -66,7 +66,7 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     removed, uncovered = (
         view.color_hole & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
     )
-    unseen, misplaced, guessing, guess = unseen_colors(view), context.law.misplaced_edges, None, None
+    unseen, misplaced, guessing, guess = view.unseen_hole, context.law.misplaced_edges, None, None
     if network is not None and (removed | uncovered | (unseen & misplaced)).any():
         hidden, shadow_notes = hide_from_painter(view, surfaces, depth, context.law, coarsely=not removed.any())
         notes |= shadow_notes

@@ -67,7 +67,7 @@ def blend_with_low_frequency(
     share *= np.clip(2 * (1 - w.ravel()[places] / middle), 0, 1)
     out = color.copy()
     painted = out.reshape(-1, 3)[places]
-    step, kept = (smooth_guess(view) if guess is None else guess()), hole[unseen_colors(view)]
+    step, kept = (smooth_guess(view) if guess is None else guess()), hole[view.unseen_hole]
     step = step if kept.all() else step[kept]
     if label is None:
         step -= gaussian_mean(color, out_of_view, DETAIL_PX)[out_of_view]
@@ -99,18 +99,13 @@ def blur_per_label(values: Float32Array, places: NDArray[np.intp], label: NDArra
         values[own] = enlarge_at(np.asarray(mean, np.float32), places[own], label.shape[1], (step, step))
 
 
-def unseen_colors(view: View) -> BoolArray:
-    """H x W, True in colour holes out of view."""
-    return view.color_hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
-
-
 def smooth_guess(view: View) -> Float32Array:
-    """N x 3, at the N `unseen_colors`: the mean of two estimates that ignore surfaces, pull-push and Telea.
+    """N x 3, in the `unseen_hole` of N pixels: the mean of two estimates that ignore surfaces, pull-push and Telea.
 
     Street dev scenes, +-10 to +-60 degrees: against pull-push alone at a weight of 0.55 the squared error falls by 8 to 13 %,
     LPIPS by up to 1 %.
     """
-    where = unseen_colors(view)
+    where = view.unseen_hole
     if not where.any():
         return np.zeros((0, 3), np.float32)
     return spread_small(view.color, ~view.hole, where)

@@ -72,18 +72,11 @@ def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfac
         known = dataclasses.replace(known, inverse_depth=by_color.inverse_depth, label=by_color.label)
         if (by_color.reached | ~view.hole).all():
             return Surfaces(known.inverse_depth, known.label, known.planes)
-        view = with_depth(view, depth_from_inverse(known.inverse_depth), by_color.reached)
+        # of a LIDAR, whose readings are single, hardly a cell would be known without
+        view = view.with_known_depth(depth_from_inverse(known.inverse_depth), by_color.reached)
     coarse = sample_grid(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
     leaves = begin_job(copy_leaves, view, known.inverse_depth, coarse.cut, seed)
     return upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
-
-
-def with_depth(view: View, depth: Float32Array, where: BoolArray) -> View:
-    """The view with depth (H x W metres) as known in pixels of `where` (H x W bool) that lacked it alone.
-
-    Of a LIDAR, whose readings are single, hardly a cell would be known without, and of an occluder hardly a rim.
-    """
-    return dataclasses.replace(view, depth=np.where(where, depth, view.depth), hole=view.hole & ~where)
 
 
 def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = False) -> CoarseView:
