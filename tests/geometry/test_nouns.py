@@ -132,6 +132,18 @@ def test_view_from_rgbd_marks_sensor_holes() -> None:
     np.testing.assert_array_equal(view.far, [[0, 1, 0], [0, 0, 0]])
 
 
+def test_depth_that_became_known_closes_a_sensor_hole_and_what_is_out_of_view_is_no_such() -> None:
+    """Closed form: with 3 m in its holes the view is whole, and otherwise as it was; out of view colour is missing, too."""
+    view = View.from_rgbd(RGBD(COLOR, DEPTH, CAMERA))
+    missing = view.hole
+    known = view.with_known_depth(np.full_like(DEPTH, 3), missing)
+    assert not known.hole.any() and (known.depth[missing] == 3).all()
+    np.testing.assert_array_equal(known.depth[~missing], view.depth[~missing])
+    np.testing.assert_array_equal(known.color, COLOR)
+    assert not view.unseen_hole.any() and not view.without(missing, HoleType.OBJECT).unseen_hole.any()
+    np.testing.assert_array_equal(view.without(missing, HoleType.OUT_OF_VIEW).unseen_hole, missing)
+
+
 def test_estimated_depth_has_an_origin_and_a_confidence_of_its_own() -> None:
     """Closed form: where measured depth would be MEASURED and sure it is ESTIMATED and less sure; nothing else differs."""
     measured, estimated = (View.from_rgbd(RGBD(COLOR, DEPTH, CAMERA, about)) for about in (None, {"model": "x"}))
