@@ -206,11 +206,14 @@ def test_pickles_that_no_checkpoint_has_are_refused(tmp_path: Path, pickled: byt
         TorchFile(_archive(tmp_path / "bomb.pt", pickled))
 
 
-def test_tied_weights_are_read(tmp_path: Path) -> None:
-    """Oracle: round trip of two tensors that share a storage."""
+def test_tied_weights_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: round trip of two tensors that share a storage, with a third between them in name; the entries that are read."""
     torch = pytest.importorskip("torch", reason="writing a torch file needs torch: pip install 'dlama[train]'")
     weights = torch.rand(100, 100)
-    torch.save({"a": weights, "b": weights.T}, tmp_path / "tied.pt")
-    found = TorchFile(tmp_path / "tied.pt").read(["a", "b"])
+    torch.save({"a": weights, "aa": torch.zeros(3), "b": weights.T}, tmp_path / "tied.pt")
+    file, entry, entries = TorchFile(tmp_path / "tied.pt"), TorchFile._entry, []
+    monkeypatch.setattr(TorchFile, "_entry", lambda self, *of: (entries.append(of[-1]), entry(self, *of))[1])
+    found = file.read(["a", "aa", "b"])
+    assert list(found) == ["a", "aa", "b"] and len(entries) == len(set(entries)) == 2
     np.testing.assert_array_equal(found["a"][0], weights.numpy())
     np.testing.assert_array_equal(found["b"][0], weights.numpy().T)

@@ -83,12 +83,16 @@ class TorchFile:
         Raises:
             FileError: a storage is missing, cut off, compressed, or smaller than the tensor's own strides need.
         """
+        expected = list(names)
         found: dict[str, tuple[np.ndarray, str]] = {}
+        key, data = None, b""
         with zipfile.ZipFile(self.path) as archive:
-            for name in names:
+            for name in sorted(expected, key=lambda name: self.tensors[name].key):  # each storage is read once
                 stored = self.tensors[name]
-                found[name] = self._tensor(self._entry(archive, f"data/{stored.key}"), name, stored)
-        return found
+                if key != stored.key:
+                    key, data = stored.key, self._entry(archive, f"data/{stored.key}")
+                found[name] = self._tensor(data, name, stored)
+        return {name: found[name] for name in expected}
 
     def _tensor(self, data: bytes, name: str, stored: StoredTensor) -> tuple[np.ndarray, str]:
         code = STORAGES[stored.storage]
