@@ -98,9 +98,9 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     surfaces: as continued; depth: H x W metres, filled. First the adjacent pixels, then the rest of their object. Pixels next to
     a removed object or behind it are its background, never occluders.
     """
-    asking = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW.value)
+    hidden = asking = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW.value)
     if (view.origin[view.valid] == Origin.ESTIMATED.value).all():
-        asking &= view.hole_type != HoleType.OBJECT.value
+        asking = hidden & (view.hole_type != HoleType.OBJECT.value)
     if not asking.any():  # `is_in_front` takes no other hole
         return asking
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
@@ -112,9 +112,8 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     if view.object_hole.any():
         background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT.value) & find_background(view, law)
         adjacent &= ~background
-    hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW.value)
     guessed = (view.origin == Origin.ESTIMATED.value).any()  # estimated depth has no reliable edges
-    if guessed or not adjacent.any() or not hidden.any():
+    if guessed or not adjacent.any():
         return adjacent
     filled, there, before = (
         np.bincount(surfaces.label[of].clip(0), minlength=len(surfaces.planes) + 1) for of in (hidden, near, adjacent)

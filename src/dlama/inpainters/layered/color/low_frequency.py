@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import gaussian_mean
 from dlama.geometry.kernels.enlarging import enlarge_at
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -52,7 +51,8 @@ def blend_with_low_frequency(
     label: H x W, surfaces that are blended one by one, over WIDE instead of DETAIL_PX; guess: gives `smooth_guess`, where
     that was begun before; what it gives is written to.
     """
-    out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW.value)
+    unseen = view.unseen_hole
+    out_of_view = hole & unseen
     known = w[~view.hole][::16].copy()
     if not out_of_view.any() or not known.size:
         return color
@@ -67,7 +67,7 @@ def blend_with_low_frequency(
     share *= np.clip(2 * (1 - w.ravel()[places] / middle), 0, 1)
     out = color.copy()
     painted = out.reshape(-1, 3)[places]
-    step, kept = (smooth_guess(view) if guess is None else guess()), hole[view.unseen_hole]
+    step, kept = (smooth_guess(view) if guess is None else guess()), hole[unseen]
     step = step if kept.all() else step[kept]
     if label is None:
         step -= gaussian_mean(color, out_of_view, DETAIL_PX)[out_of_view]
