@@ -26,11 +26,12 @@ from torch.nn.functional import mse_loss
 from dlama.errors import FileError, any_error, import_extra
 from dlama.evaluation.metrics.lpips import NETWORK
 from dlama.models.cache import user_path
+from dlama.perception.depth_networks import IMAGENET
 from dlama.training.losses.pixels import widen_half
 from dlama.training.settings import LossSettings
 
 EPSILON = 1e-10
-IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+IMAGENET_MEAN, IMAGENET_STD = IMAGENET
 STAGES = ((3, 64, 1, 1), (4, 128, 2, 1), (6, 256, 1, 2), (3, 512, 1, 4))
 """ResNet-50: blocks, width, stride, dilation of each stage; the first block of a dilated stage has half its dilation."""
 SEED = 20240301
