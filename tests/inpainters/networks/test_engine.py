@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from unittest import mock
 
+import cv2
 import numpy as np
 import pytest
 
@@ -19,6 +20,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.networks import migan
 from dlama.inpainters.networks.engine import Engine
+from dlama.inpainters.opencv import telea
 from dlama.models.network_file import PROVIDERS
 from dlama.perception.resampling import smooth_quantised
 from tiny_networks import constant, contract, echo_mask, written
@@ -127,7 +129,7 @@ def test_steps_become_slopes_within_half_a_step() -> None:
 
 
 def test_migan_is_fed_what_it_can_bear(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Probe: no crack in the hole that it is given, which is pre-filled by diffusion; known pixels unchanged."""
+    """Probe: no crack in the hole that it is given, for cracks are filled by diffusion; known pixels unchanged."""
     known = np.full((60, 60, 3), 200, np.uint8)
     hole = np.zeros((60, 60), bool)
     hole[20:30, 20:30] = hole[50, 40:58] = True
@@ -139,7 +141,25 @@ def test_migan_is_fed_what_it_can_bear(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (out[20:30, 20:30] == 77).all() and (out[~hole] == 200).all() and out[50, 40:58].min() > 190
     planes, wide = network.fill.call_args.args
     assert wide.sum() == 100 and wide[20:30, 20:30].all()
-    assert planes.min() * 255 > 190, "no black was shown"
+    assert planes[..., ~wide].min() * 255 > 190, "no black was shown"
+
+
+def test_cracks_are_diffused_as_in_the_whole_hole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twin: Telea of all of a hole with a ragged border, though far from its cracks nothing is diffused."""
+    rng = np.random.default_rng(3)
+    noise = cv2.GaussianBlur(rng.normal(size=(150, 200)).astype(np.float32), (0, 0), 9)
+    hole = noise > np.quantile(noise, 0.6)
+    hole[cv2.GaussianBlur(rng.normal(size=hole.shape), (0, 0), 1) > 0.35] = False  # notches
+    hole[60:140, 80:180] = True
+    color = cv2.GaussianBlur(rng.integers(0, 256, (*hole.shape, 3), np.uint8), (0, 0), 2)
+    color[hole] = 0
+    network = mock.Mock(**{"contract.network": "migan"})
+    monkeypatch.setattr(migan, "open_engine", lambda *_, **__: network)
+    network.fill.side_effect = lambda planes, hole: planes
+    out = migan.migan_filler("any.onnx").paint(color, hole, 0)
+    cracks = hole & ~network.fill.call_args.args[1]
+    assert cracks.sum() > 200 and np.array_equal(out[cracks], telea.paint(color, hole, 0)[cracks])
+    assert not out[80:120, 100:160].any(), "the middle of the hole is the network's"
 
 
 @pytest.mark.slow

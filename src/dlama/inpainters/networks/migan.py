@@ -8,10 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from dlama.errors import FileError
-from dlama.geometry.holes import morphological_open, square
+from dlama.geometry.holes import dilate_square, morphological_open, square
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.inpainters.filling import Painter
 from dlama.inpainters.networks.engine import open_engine
@@ -20,6 +18,8 @@ from dlama.inpainters.opencv import telea, with_diffused_depth
 
 CRACK_SIDE = 3
 """Holes that a square of this side does not fit into are cracks; beyond the border counts as hole."""
+CRACK_REACH = 12
+"""Pixels of a hole next to its cracks that are diffused with them, so that those are as if all of it were."""
 NETWORK_SIDE = 512
 """The network's own size: every crop of up to this side costs the same."""
 
@@ -33,7 +33,7 @@ def migan_filler(model: str | Path) -> Painter:
         if kind != "migan":
             raise FileError(f"{network.path}: is a network {kind!r} by its contract; MI-GAN is expected")
         wide = hole & morphological_open(hole, square(CRACK_SIDE))
-        start = np.where(hole[..., None], telea.paint(picture, hole, seed), picture)
-        return color_from_planes(network.fill(color_planes(start)[None], wide)[0])
+        near = hole & dilate_square(hole & ~wide, 2 * CRACK_REACH + 1)
+        return color_from_planes(network.fill(color_planes(telea.paint(picture, near, seed))[None], wide)[0])
 
     return with_diffused_depth(paint, lambda: network.notes)
