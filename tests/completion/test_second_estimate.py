@@ -34,7 +34,7 @@ def photo(estimator: str | None = DEFAULT, beside: float = 0.6) -> dlama.RGBD:
 def removed(monkeypatch: pytest.MonkeyPatch, inverse: np.ndarray, beside: float = 0.6) -> dlama.Completion:
     """The photo without its box, where the second estimate sees that inverse depth."""
     again = SimpleNamespace(depth=(1 / inverse).astype(np.float32))
-    monkeypatch.setattr(room, "estimate_depth", lambda color: again)
+    monkeypatch.setattr(room, "estimate_depth", lambda color, **_: again)
     return dlama.remove(photo(beside=beside), MASK, filler="telea")
 
 
@@ -58,7 +58,7 @@ def test_what_ran_out_of_the_object_goes_with_it(monkeypatch: pytest.MonkeyPatch
 def test_going_on_from_the_scene_sees_the_same_depth(monkeypatch: pytest.MonkeyPatch) -> None:
     """Law: the scene of the result shows the result; completing it again changes nothing."""
     done = removed(monkeypatch, 0.4 * PLANE + 0.05)
-    monkeypatch.setattr(room, "estimate_depth", lambda color: pytest.fail("nothing was filled"))
+    monkeypatch.setattr(room, "estimate_depth", lambda color, **_: pytest.fail("nothing was filled"))
     again = dlama.complete(done.scene, [done.view.camera], filler="telea")
     np.testing.assert_allclose(again.view.depth, done.view.depth, rtol=1e-4)
 
@@ -76,7 +76,7 @@ def test_an_estimate_that_differs_is_not_taken(monkeypatch: pytest.MonkeyPatch, 
 @pytest.mark.parametrize("estimator", [None, "depth-anything-v2-small", "phone"])
 def test_other_depth_is_not_estimated_again(monkeypatch: pytest.MonkeyPatch, estimator: str | None) -> None:
     """Law: measured depth, and what another network or a phone says, stay to the bit, and nothing asks for an estimate."""
-    monkeypatch.setattr(room, "estimate_depth", lambda color: pytest.fail("of other depth"))
+    monkeypatch.setattr(room, "estimate_depth", lambda color, **_: pytest.fail("of other depth"))
     rgbd = photo(estimator)
     done = dlama.remove(rgbd, MASK, filler="telea")
     known = ~dilate_mask(MASK, 4)
@@ -87,7 +87,7 @@ def test_other_depth_is_not_estimated_again(monkeypatch: pytest.MonkeyPatch, est
 def test_a_picture_without_depth_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """Law: where the network sees nothing but sky nothing can be fitted, and meta says so."""
 
-    def refuse(color: np.ndarray) -> None:
+    def refuse(color: np.ndarray, sharpen: bool) -> None:
         raise DepthError("nothing but sky")
 
     monkeypatch.setattr(room, "estimate_depth", refuse)

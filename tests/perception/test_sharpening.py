@@ -50,6 +50,18 @@ def test_no_depth_is_invented() -> None:
     np.testing.assert_array_equal(found[:10], blurred[:10])
 
 
+@pytest.mark.parametrize("size", [256, 2 * LARGEST])
+def test_where_few_pixels_are_needed_they_are_those_of_all(size: int) -> None:
+    """Twin: the whole map sharpened; far from the needed pixels the map stays as it is."""
+    color, _, blurred = blurred_box(size, texture=40, blur=6)
+    needed = np.zeros((size, size), np.bool_)
+    needed[size // 4 - 20 : size // 4 + 30, size // 3 - 20 : size // 3 + 60] = True
+    whole, found = sharpen_depth(blurred, color), sharpen_depth(blurred, color, where=needed)
+    np.testing.assert_array_equal(found[needed], whole[needed])
+    np.testing.assert_array_equal(found[size // 2 :], blurred[size // 2 :])
+    assert (found != blurred).any() and (whole[size // 2 :] != blurred[size // 2 :]).any()
+
+
 def test_slopes_and_flat_maps_stay() -> None:
     """Law: without a step there is nothing to move, whatever the picture shows; far pixels are no harm."""
     color = RNG.integers(0, 256, (128, 128, 3), np.uint8)

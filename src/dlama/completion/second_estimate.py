@@ -19,7 +19,7 @@ from dlama.completion.start import Plan
 from dlama.errors import DepthError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import box_around, distance_to, smaller_size
+from dlama.geometry.holes import box_around, dilate_mask, distance_to, smaller_size
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.scene import Scene, replace_frame
@@ -27,7 +27,8 @@ from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport
 from dlama.models.network_file import make_room
 from dlama.perception.monocular import estimate_depth
-from dlama.perception.resampling import interpolate, shrink_color
+from dlama.perception.resampling import interpolate, nearest_pixels, shrink_color
+from dlama.perception.sharpening import sharpen_depth
 from dlama.progress import begin_stage
 
 SIDE, REACH_PX, RING_PX = 512, 24, 80
@@ -65,7 +66,7 @@ def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Pl
     if plan.recipe.depth_by != "surfaces" or Origin.ESTIMATED not in frame.origins or not removed.any():
         return plan, scene, FillReport()
     begin_stage("estimate depth again")
-    again = estimate_inverse_depth(view.color)
+    again = estimate_inverse_depth(view.color, dilate_mask(removed, math.ceil(reach_of(removed))))
     make_room(removed.size)
     fit = fit_round_object(frame, removed, again)
     if not fit.notes["taken"]:
@@ -80,10 +81,9 @@ def take_estimate(
     """The plan and the scene with a second estimate (H x W inverse depth) taken in its frame at that place, in what was removed
     from it (H x W) and in its fills; and how many pixels the law moved. view: the frame, filled."""
     frame, measured = scene.frames[place].load(), plan.measured.frames[place]
-    reach = REACH_PX * max(removed.shape) / SIDE
-    rows, columns = box = box_around(removed, math.ceil(reach))
+    rows, columns = box = box_around(removed, math.ceil(reach_of(removed)))
     part = view.cropped(rows, columns)
-    depth, changed = mix_depth(frame.cropped(rows, columns), part, again[box], fit, reach)
+    depth, changed = mix_depth(frame.cropped(rows, columns), part, again[box], fit, reach_of(removed))
 
     def of_camera(one: Layer) -> bool:
         return one.camera.same_view_as(view.camera)
@@ -110,17 +110,23 @@ def with_depth(one: View, depth: Float32Array, where: BoolArray, box: tuple[slic
     return one.with_planes(depth=new)
 
 
-def estimate_inverse_depth(color: UInt8Array) -> Float32Array:
-    """H x W inverse depth of a picture (H x W x 3) by the network that ships, of a scale and shift of its own; 0 where that is
-    far, everywhere if it sees nothing else."""
-    small = shrink_color(color, smaller_size(color.shape, LARGEST)[::-1])
+def reach_of(removed: BoolArray) -> float:
+    """Px from what was removed (H x W), up to which the second estimate counts."""
+    return REACH_PX * max(removed.shape) / SIDE
+
+
+def estimate_inverse_depth(color: UInt8Array, where: BoolArray) -> Float32Array:
+    """H x W inverse depth of a picture (H x W x 3) by the network that ships, of a scale and shift of its own, with sharp edges
+    in the pixels of `where` (H x W); 0 where that is far, everywhere if it sees nothing else."""
+    size = smaller_size(color.shape, LARGEST)[::-1]
+    small = shrink_color(color, size)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of scale and field of view, which count for nothing here
-            found = inverse_depth(estimate_depth(small).depth)
+            found = inverse_depth(estimate_depth(small, sharpen=False).depth)
     except DepthError:
-        found = np.zeros(small.shape[:2], np.float32)
-    return interpolate(found, color.shape)
+        found = np.zeros(size, np.float32)
+    return interpolate(sharpen_depth(found, small, where=nearest_pixels(where, size)), color.shape)
 
 
 def fit_round_object(frame: View, removed: BoolArray, again: Float32Array) -> Fit:

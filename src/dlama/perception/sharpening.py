@@ -32,18 +32,23 @@ FURTHER, FURTHER_RADIUS, FURTHER_COLOR_SIGMA = 2, 4.0, 60.0
 from elsewhere a surface is torn between them; half their window, and how fast their votes weaken with unlike colour."""
 
 
-def sharpen_depth(values: Float32Array, color: UInt8Array, inverse: bool = True) -> Float32Array:
+def sharpen_depth(
+    values: Float32Array, color: UInt8Array, inverse: bool = True, where: BoolArray | None = None
+) -> Float32Array:
     """H x W, each value one that the map has nearby: on ramps the weighted median of adjacent pixels of the same colour.
 
     values: H x W inverse depth, or depth where not `inverse` (ramps are found in inverse depth, in which planes are linear; the
-    median is the same of both); color: H x W x 3, RGB.
+    median is the same of both); color: H x W x 3, RGB; where: H x W, the pixels that are needed, None = all.
     """
     if max(values.shape) > LARGEST:
-        return _sharpen_small(values, color, inverse)
+        return _sharpen_small(values, color, inverse, where)
     size = max(values.shape) / 512
     near = values if inverse else inverse_depth(values)
     ramp = on_ramp(near, STEEP / size, BEND, round(1.5 * RADIUS * size))
     blurred = dilate_square(ramp, 2 * round(4 * size) + 1)  # 4 px round a ramp are replaced, too
+    if where is not None:
+        reach = math.ceil(FURTHER * FURTHER_RADIUS * size)  # as far as further medians look
+        blurred &= dilate_square(where, 2 * reach + 1)
     if not ramp.any() or ramp.all():
         return values
     smooth = np.asarray(cv2.GaussianBlur(color, (0, 0), 0.7), np.uint8)
@@ -76,11 +81,11 @@ def _median(
     return out
 
 
-def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool) -> Float32Array:
+def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool, where: BoolArray | None) -> Float32Array:
     """`sharpen_depth` in a picture of LARGEST px, brought to the size of the given one."""
     hw = smaller_size(values.shape, LARGEST)[::-1]
     small, small_color = nearest_pixels(values, hw), shrink_color(color, hw)
-    found = sharpen_depth(small, small_color, inverse)
+    found = sharpen_depth(small, small_color, inverse, None if where is None else nearest_pixels(where, hw))
     changed = dilate_square(found != small, 3)
     out = values.copy()
     in_bands(take_most_alike, len(out), color, small_color, found, changed, out)
