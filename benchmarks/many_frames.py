@@ -81,7 +81,7 @@ def completed_whole(folder: Path) -> str:
     """A line: `dlama sequence` at all frames, with every file."""
     with tempfile.TemporaryDirectory() as out:
         used = time.process_time()
-        meta = dlama.sequence(folder, Path(out) / "out", also=["scene", "points"])
+        meta = dlama.sequence(folder).write(Path(out) / "out", also=["scene", "points"])
         size = sum(file.stat().st_size for file in (Path(out) / "out").rglob("*") if file.is_file())
         views, spent = len(meta["filled_share"]), time.process_time() - used
     return (

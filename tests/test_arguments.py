@@ -60,7 +60,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "render": {"source": RGBD, "camera": CAMERA},
     "render_path": {"scene": SCENE, "cameras": [CAMERA], "filler": fill_with_grey},
     "scene": {"frames": [RGBD]},
-    "sequence": {"dataset": "nothing", "output": "out"},
+    "sequence": {"dataset": "nothing"},
     "stereo": {"left": COLOR, "right": COLOR, "rig": RIG, "disparity": 2 * DEPTH, "filler": fill_with_grey},
     "view": {"rgbd": RGBD, "filler": fill_with_grey},
     "write": {"completion": None, "directory": "out", "only": "hole"},

@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.completion.verbs import remove as remove
     from dlama.completion.verbs import view as view
     from dlama.datasets.diagnosis import diagnose as diagnose
+    from dlama.datasets.sequences.completion import SequenceCompletion as SequenceCompletion
     from dlama.datasets.sequences.sequence import sequence as sequence
     from dlama.errors import CameraError as CameraError
     from dlama.errors import DepthError as DepthError
@@ -91,6 +92,7 @@ NAMES = {
     "completion.stereo.stereo": ("stereo",),
     "completion.verbs": ("remove", "view"),
     "datasets.diagnosis": ("diagnose",),
+    "datasets.sequences.completion": ("SequenceCompletion",),
     "datasets.sequences.sequence": ("sequence",),
     "errors": (
         "CameraError",

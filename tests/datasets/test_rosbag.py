@@ -255,7 +255,7 @@ def test_float_depth_in_millimetres_is_warned_of(tmp_path: Path) -> None:
     """Oracle: 32FC1 of millimetres, which a bag calls metres (a file with such depth is refused)."""
     small_bag(tmp_path / "a.bag", "/c", truth()[0].color, "rgb8", per_metre=1000)
     with pytest.warns(UserWarning, match=r"the median depth is \d+ m: metres are expected; divide millimetres by 1000"):
-        sequence(tmp_path / "a.bag", tmp_path / "out", filler="telea")
+        sequence(tmp_path / "a.bag", filler="telea")
 
 
 def test_a_bag_that_is_no_longer_kept_is_closed(tmp_path: Path) -> None:

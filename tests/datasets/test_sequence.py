@@ -16,9 +16,9 @@ import dlama
 from dlama.apps.cli import main
 from dlama.datasets.posed.nerfstudio import write_transforms
 from dlama.datasets.sequences import camera_paths
-from dlama.datasets.sequences import sequence as module
+from dlama.datasets.sequences import completion as module
 from dlama.datasets.sequences.loading import masks_by_number, open_frames, slice_frames
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, OutputError
 from dlama.files.cameras import camera_as_json
 from dlama.files.rasters.masks import write_mask
 from dlama.files.rasters.pictures import write_color
@@ -59,7 +59,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def whole(room: Path) -> tuple[Path, dict[str, Any]]:
     """All of them completed in one go: the folder and its meta data."""
-    return room.parent / "whole", dlama.sequence(room, room.parent / "whole", also=["scene", "points"])
+    return room.parent / "whole", dlama.sequence(room).write(room.parent / "whole", also=["scene", "points"])
 
 
 def test_what_is_written_is_read_back(whole: tuple[Path, dict[str, Any]]) -> None:
@@ -83,6 +83,18 @@ def test_what_is_written_is_read_back(whole: tuple[Path, dict[str, Any]]) -> Non
     assert {path.name for path in out.iterdir()} == {*written.split(), meta["video"]}
 
 
+def test_views_come_one_by_one_and_nothing_is_written(room: Path, whole: tuple[Path, dict[str, Any]]) -> None:
+    """Oracle: the same views, written."""
+    before, given = sorted(room.parent.rglob("*")), dlama.sequence(room)
+    assert repr(given) == "SequenceCompletion(4 views of 4 frames)"
+    names = []
+    for name, view in given.views():
+        names.append(name)
+        np.testing.assert_array_equal(view.color, np.array(Image.open(whole[0] / "images" / f"{name}.png")))
+        np.testing.assert_array_equal(view.origin, np.array(Image.open(whole[0] / "origin" / f"{name}.png")))
+    assert names == list(CAMERAS) and sorted(room.parent.rglob("*")) == before
+
+
 def test_source_says_which_frame_a_pixel_comes_from(whole: tuple[Path, dict[str, Any]]) -> None:
     """Codes: own pixels 1 + the own number, the sensor hole another frame's, filled ones 0."""
     named = json.loads((whole[0] / "transforms.json").read_text())["source_frames"]
@@ -98,7 +110,7 @@ def test_source_says_which_frame_a_pixel_comes_from(whole: tuple[Path, dict[str,
 def test_a_thing_is_removed_from_all_frames(room: Path, tmp_path: Path) -> None:
     """By its place (oracle: the world without the ball)."""
     mask = WORLD.trace(CAMERAS["img-1"])[1] == 3
-    meta = dlama.sequence(room, tmp_path / "out", masks={"1": mask}, filler="layered", only=["scene"])
+    meta = dlama.sequence(room, masks={"1": mask}, filler="layered").write(tmp_path / "out", only=["scene"])
     assert meta["masked_frames"] == ["img-1"]
     for each in open_frames(tmp_path / "out"):
         done = each.load()
@@ -111,11 +123,11 @@ def test_masks_of_all_frames_of_a_video(room: Path, tmp_path: Path) -> None:
     """As a segmenter leaves them: of frames that are not chosen, without the object, of the larger pictures (oracle: those masks
     alone that count)."""
     mask, empty = WORLD.trace(CAMERAS["img-1"])[1] == 3, np.zeros(LENS.hw, bool)
-    options: dict[str, Any] = {"frames": "1:3", "filler": "telea", "only": ["scene"]}
-    dlama.sequence(room, tmp_path / "alone", masks={"img-1": mask}, **options)
+    options: dict[str, Any] = {"frames": "1:3", "filler": "telea"}
+    dlama.sequence(room, masks={"img-1": mask}, **options).write(tmp_path / "alone", only=["scene"])
     masks = {"img-0": mask, "img-1": mask.repeat(3, 0).repeat(3, 1), "img-2": empty, "img-3": empty}
     with pytest.warns(UserWarning, match=r"1 mask of frames that are left out: not used \(img-0\)"):
-        meta = dlama.sequence(room, tmp_path / "all", masks=masks, **options)
+        meta = dlama.sequence(room, masks=masks, **options).write(tmp_path / "all", only=["scene"])
     assert meta["masked_frames"] == ["img-1"]
     for file in (tmp_path / "alone").glob("*/*.png"):
         assert file.read_bytes() == (tmp_path / "all" / file.parent.name / file.name).read_bytes(), file
@@ -125,7 +137,7 @@ def test_masks_of_all_frames_of_a_video(room: Path, tmp_path: Path) -> None:
         ({"img-1": mask[:40]}, "mask of frame img-1 is 64x40 and the picture 64x48"),
     ):
         with pytest.raises(InputError, match=words):
-            dlama.sequence(room, tmp_path / "none", frames="1:3", masks=wrong)
+            dlama.sequence(room, frames="1:3", masks=wrong)
 
 
 def test_depth_smaller_than_its_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -183,29 +195,29 @@ def test_a_killed_run_goes_on(
 ) -> None:
     """Law: the result is the same as in one go; what was done is not done again; other settings begin anew."""
     with pytest.raises(KeyboardInterrupt):
-        dlama.sequence(room, tmp_path / "out", progress=killed_after(2))
+        dlama.sequence(room).write(tmp_path / "out", progress=killed_after(2))
     assert not (tmp_path / "out" / "transforms.json").exists()
     worked: list[object] = []
     original = module.complete_step
     monkeypatch.setattr(module, "complete_step", lambda *given: (worked.append(given), original(*given))[1])
-    meta = dlama.sequence(room, tmp_path / "out")
+    meta = dlama.sequence(room).write(tmp_path / "out")
     assert len(worked) == 2 and meta["views_from_earlier_run"] == 2
     assert meta["filled_share"] == whole[1]["filled_share"]
     for file in whole[0].glob("*/*.png"):
         assert file.read_bytes() == (tmp_path / "out" / file.parent.name / file.name).read_bytes(), file
     assert not (tmp_path / "out" / ".dlama-sequence").exists()
     with pytest.raises(KeyboardInterrupt):
-        dlama.sequence(room, tmp_path / "other", progress=killed_after(2))
-    assert dlama.sequence(room, tmp_path / "other", seed=1)["views_from_earlier_run"] == 0
+        dlama.sequence(room).write(tmp_path / "other", progress=killed_after(2))
+    assert dlama.sequence(room, seed=1).write(tmp_path / "other")["views_from_earlier_run"] == 0
 
 
 def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
     """Law: open in pictures, depth and the scene exactly where a fill had less confidence; all else keeps its bits."""
     views = {"left": moved(LENS, (0, 0, 0), (-0.6, 0, 0)), "right": moved(LENS, (0, 10, 0), (0.5, 0, 0))}
-    options: dict[str, Any] = {"frames": "1:2", "views": views, "only": ["scene"], "filler": "layered"}
-    dlama.sequence(room, tmp_path / "whole", **options)
+    options: dict[str, Any] = {"frames": "1:2", "views": views, "filler": "layered"}
+    dlama.sequence(room, **options).write(tmp_path / "whole", only=["scene"])
     least = 0.75
-    meta = dlama.sequence(room, tmp_path / "out", min_confidence=least, **options)
+    meta = dlama.sequence(room, min_confidence=least, **options).write(tmp_path / "out", only=["scene"])
     whole, kept = (dlama.read_scene(tmp_path / name / "scene.npz") for name in ("whole", "out"))
     for before, after in zip(whole.fills, kept.fills, strict=True):
         before, after = before.load(), after.load()
@@ -242,24 +254,26 @@ def test_views_of_a_path_and_of_a_file(room: Path, tmp_path: Path, monkeypatch: 
     camera = moved(LENS, (0, 1, 0), (0.05, 0.02, 0))
     cameras = [{**camera_as_json(camera), "name": "mine"}, camera_as_json(LENS)]
     (tmp_path / "cameras.json").write_text(json.dumps(cameras))
-    dlama.sequence(room, tmp_path / "out", views=str(tmp_path / "cameras.json"), only=["scene"])
+    dlama.sequence(room, views=str(tmp_path / "cameras.json")).write(tmp_path / "out", only=["scene"])
     frames = open_frames(tmp_path / "out")
     assert [each.name for each in frames] == ["mine", "0001"]
     truth, done = WORLD.trace(camera)[0], frames[0].load()
     assert np.median(np.abs(done.depth - truth)) < 0.005
     monkeypatch.setattr(camera_paths, "VIEWS_OF_PATH", 4)
-    meta = dlama.sequence(room, tmp_path / "path", views="spiral", frames="::3", filler="telea", only=["scene"])
+    path = dlama.sequence(room, views="spiral", frames="::3", filler="telea")
+    meta = path.write(tmp_path / "path", only=["scene"])
     assert len(meta["filled_share"]) == 4 and meta["frames"]["names"] == ["img-0", "img-3"]
 
 
 def test_a_scene_file_keeps_the_names_of_its_frames(room: Path, tmp_path: Path) -> None:
     """Round trip: a mask by name removes from the saved scene what it removes from the folder; of a file without names, as
     earlier versions wrote it, frames are called by their numbers; a name leads to no other folder."""
-    dlama.sequence(room, tmp_path / "out", frames="1:4", only=["scene"], filler="telea")
+    dlama.sequence(room, frames="1:4", filler="telea").write(tmp_path / "out", only=["scene"])
     file, mask = tmp_path / "out" / "scene.npz", WORLD.trace(CAMERAS["img-2"])[1] == 3
     assert dlama.read_scene(file).names == ("img-1", "img-2", "img-3")
-    views, options = {"img-2": CAMERAS["img-2"]}, {"only": ["scene"], "filler": "telea"}
-    meta = dlama.sequence(file, tmp_path / "next", masks={"img-2": mask}, views=views, **options)  # type: ignore[arg-type]
+    views = {"img-2": CAMERAS["img-2"]}
+    removed = dlama.sequence(file, masks={"img-2": mask}, views=views, filler="telea")
+    meta = removed.write(tmp_path / "next", only=["scene"])
     assert list(meta["filled_share"]) == ["img-2"] and len(dlama.read_scene(file).gains) == 3
     assert meta["masked_frames"] == ["img-2"] and meta["frames"]["names"] == ["img-1", "img-2", "img-3"]
     assert dlama.read_scene(tmp_path / "next" / "scene.npz").names == ("img-1", "img-2", "img-3")
@@ -293,10 +307,10 @@ def test_auto_is_the_filler_that_suits_the_scene(
 
 def test_the_recipe_of_the_paper_clips_frames(room: Path, tmp_path: Path) -> None:
     """Frames of a folder are clipped; a scene cannot be any more, which one line says."""
-    dlama.sequence(room, tmp_path / "out", recipe="paper", filler="telea", only=["scene"], frames="1:2")
+    dlama.sequence(room, recipe="paper", filler="telea", frames="1:2").write(tmp_path / "out", only=["scene"])
     assert max(one.load().depth.max() for one in open_frames(tmp_path / "out")) <= 10
     with pytest.raises(InputError, match=r"recipe clips depth at 10 m, and .* is a scene; give its frames instead"):
-        dlama.sequence(tmp_path / "out" / "scene.npz", tmp_path / "next", recipe="paper")
+        dlama.sequence(tmp_path / "out" / "scene.npz", recipe="paper")
 
 
 def test_damaged_frames_are_named_and_left_out(tmp_path: Path) -> None:
@@ -304,7 +318,7 @@ def test_damaged_frames_are_named_and_left_out(tmp_path: Path) -> None:
     room = write_room(tmp_path / "room")
     (room / "depth" / "img-2.png").write_bytes(b"no picture")
     with pytest.warns(UserWarning, match="frame img-2 is left out"):
-        meta = dlama.sequence(room, tmp_path / "out", filler="telea", only=["scene"])
+        meta = dlama.sequence(room, filler="telea").write(tmp_path / "out", only=["scene"])
     assert list(meta["left_out"]) == ["img-2"] and len(meta["filled_share"]) == 3
     assert meta["model"] is None and meta["recipe"]["dilate"] is None  # no network ran, no mask grew
     mask = WORLD.trace(CAMERAS["img-3"])[1] == 3
@@ -313,12 +327,11 @@ def test_damaged_frames_are_named_and_left_out(tmp_path: Path) -> None:
         ("img-2", "left out: "),
     ):
         with pytest.warns(UserWarning), pytest.raises(InputError, match=words):  # place 3 was another frame
-            dlama.sequence(room, tmp_path / "masked", masks={place: mask})
+            dlama.sequence(room, masks={place: mask})
     for name in CAMERAS:
         (room / "depth" / f"{name}.png").write_bytes(b"no picture")
     with pytest.raises(FileError, match=r"not one of its 4 frames can be read; the first: .*img-0"):
-        dlama.sequence(room, tmp_path / "none")
-    assert not (tmp_path / "none").exists()
+        dlama.sequence(room)
 
 
 def test_bad_words_are_refused_before_anything_is_written(room: Path, tmp_path: Path) -> None:
@@ -332,13 +345,19 @@ def test_bad_words_are_refused_before_anything_is_written(room: Path, tmp_path: 
         ({"frames": "9:"}, "frames is 9:, and there are 4; nothing is left"),
         ({"scene": "cellar"}, "scene 'cellar' is not in this data set"),
         ({"layout": "tum2"}, "layout 'tum2' is not known"),
-        ({"only": ["pictures"]}, "only is 'pictures'; names of scene, points, mesh, colmap, video are expected"),
     ]
     for options, message in bad:
         with pytest.raises(InputError, match=message):
-            dlama.sequence(room, tmp_path / "out", **options)
+            dlama.sequence(room, **options)
     with pytest.raises(FileError, match="no such folder"):
-        dlama.sequence(tmp_path / "nowhere", tmp_path / "out")
+        dlama.sequence(tmp_path / "nowhere")
+    read = dlama.sequence(room)
+    with pytest.raises(
+        InputError, match="only is 'pictures'; names of scene, points, mesh, colmap, video are expected"
+    ):
+        read.write(tmp_path / "out", only=["pictures"])
+    with pytest.raises(OutputError, match=r"done.mp4: is the name of a file; a folder is expected"):
+        read.write(tmp_path / "done.mp4")
     assert not (tmp_path / "out").exists()
 
 

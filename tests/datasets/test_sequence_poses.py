@@ -52,13 +52,13 @@ def apart(cameras: list[Camera], exact: dict[str, RGBD]) -> float:
 def test_poses_are_corrected(room: Path, exact: dict[str, RGBD], drifted: dict[str, Camera], tmp_path: Path) -> None:
     """Less than a pixel is left, and meta.json says so; with keep_poses the given ones stay."""
     with pytest.warns(UserWarning, match="img-3 is left out"):
-        meta = dlama.sequence(room, tmp_path / "out", only=["points"], filler="telea")
+        meta = dlama.sequence(room, filler="telea").write(tmp_path / "out", only=["points"])
     corrected = [each.load().camera for each in open_frames(tmp_path / "out")]
     assert apart(corrected, exact) < 1 < apart(list(drifted.values()), exact)
     poses = meta["decisions"]["poses"]
     assert poses["name"] == "aligned" and poses["after_px"] < 1 < poses["before_px"]
     with pytest.warns(UserWarning, match="img-3 is left out"):
-        meta = dlama.sequence(room, tmp_path / "kept", only=["points"], filler="telea", keep_poses=True)
+        meta = dlama.sequence(room, filler="telea", keep_poses=True).write(tmp_path / "kept", only=["points"])
     for each in open_frames(tmp_path / "kept"):
         np.testing.assert_allclose(each.load().camera.world_from_cam, drifted[each.name].world_from_cam, atol=1e-9)
     assert meta["decisions"]["poses"] == {"name": "given", "reason": "keep_poses"}

@@ -62,4 +62,4 @@ def test_a_shadow_of_nothing_is_refused(tmp_path: Path) -> None:
     """One line."""
     dlama.write(dlama.complete(frame("img-0")[0], [CAMERAS["img-0"]], filler="telea"), tmp_path / "one", only=["scene"])
     with pytest.raises(InputError, match="with_shadow is for a removed object; give its masks"):
-        dlama.sequence(tmp_path / "one" / "scene.npz", tmp_path / "out", with_shadow=True)
+        dlama.sequence(tmp_path / "one" / "scene.npz", with_shadow=True)

@@ -132,7 +132,7 @@ def test_a_data_set_of_scans_is_one_scene_and_its_meta_data_say_how(tmp_path: Pa
     for name, seen in (("scans", scan), ("whole", lambda rgbd: rgbd)):
         frames = {frame: seen(ROOM.rgbd(camera)) for frame, camera in cameras.items()}
         folder = write_nerfstudio(tmp_path / name, frames, cameras)
-        meta = dlama.sequence(folder, tmp_path / f"{name}-out", filler="telea", only=[])
+        meta = dlama.sequence(folder, filler="telea").write(tmp_path / f"{name}-out", only=[])
         decided.append(meta["decisions"].get("depth", {}).get("name"))
         done = open_frames(tmp_path / f"{name}-out")[0].load()
         off = np.abs(done.depth / ROOM.rgbd(CAMERA).depth - 1)

@@ -159,7 +159,7 @@ def test_frames_of_several_sizes_are_named(tmp_path: Path) -> None:
     assert (sizes.check, sizes.severity, understood.check) == ("frame-sizes", "fault", "understood")
     assert f"5 of 6 frames are 128x128, not {tmp_path.name}/2 (96x96); `dlama sequence` takes one size" in sizes.what
     with pytest.raises(dlama.ShapeError, match="frame 2 is 96x96 and frame 0 128x128; both must have the same size"):
-        dlama.sequence(tmp_path, tmp_path / "out")
+        dlama.sequence(tmp_path)
 
 
 def test_cameras_that_shift_sideways_are_fine(tmp_path: Path) -> None:

@@ -115,16 +115,21 @@ def sequence(
         dataset: The folder of posed frames with depth, in any layout that `dlama evaluate` reads; or a scene.npz.
         output: Directory for the results, a data set in nerfstudio's layout, and scene.glb; a killed run continues.
     """
+    from dlama.datasets.sequences.results import check_results
+
     started = time.perf_counter()
     with report_result("sequence", report) as result:
         check_folder_apart(output, {"data set": dataset, "folder of masks": objects.masks})
         files, how = mask_files(objects.mask, objects.masks), given_options(masking)
         check_of_object(how, *files.values())
         found = read_masks(files, **how)
+        chosen = read_parameters({"views": text, **RESULTS}, given_options(results))
+        written = {name: chosen.pop(name) for name in ("only", "also") if name in chosen}
+        check_results(written.get("only"), written.get("also", ()))  # before minutes of reading
+        options = {"masks": found, "with_shadow": objects.with_shadow, **vars(source), **chosen}
         with show_progress("sequence", report) as progress:
-            chosen = read_parameters({"views": text, **RESULTS}, given_options(results))
-            options = {"masks": found, "with_shadow": objects.with_shadow, **vars(source), **chosen}
-            meta = dlama.sequence(dataset, output, progress=progress, **options, **given_options(method))
+            completion = dlama.sequence(dataset, **options, **given_options(method))
+            meta = completion.write(output, progress=progress, **written)
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 
 

@@ -1,0 +1,232 @@
+"""Posed frames that were read, and how they are completed, in; their views one by one, or all of them as a data set, out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dlama import __version__
+from dlama.arguments import check_arguments
+from dlama.completion.completion import above_confidence, scene_above
+from dlama.completion.report import describe_shadow, share
+from dlama.completion.start import Plan
+from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
+from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, write_view
+from dlama.datasets.sequences.loading import LoadedScene
+from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
+from dlama.datasets.sequences.state import SequenceState, Step, StepChange
+from dlama.errors import OutputError, system_errors
+from dlama.files.results.meta_json import write_json
+from dlama.geometry.camera import Camera
+from dlama.geometry.codes import Origin
+from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.writing.atomic_write import PathLike, check_folder_name
+
+SHADOW = ("remaining_shadow_px", "removed_px")
+"""Of a step, for the hint of a shadow that stays."""
+ViewProgress = Callable[[int, int, str, bool], None]
+"""Called after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
+
+
+@dataclass
+class StepResults:
+    """What the steps of a sequence gave."""
+
+    scene: Scene
+    views: dict[str, dict[str, float]] = field(default_factory=dict)
+    """View -> shares of its pixels: that were filled in colour and depth; in depth alone, as their colours were measured; that
+    are open, as they were filled with too little confidence."""
+    reused: int = 0
+    """Steps that an earlier run had done."""
+    shadow: str = ""
+    """What is known of a removed object's shadow that stays, in the first view that shows one."""
+
+    def shares(self, names: Iterable[str]) -> dict[str, dict[str, float]]:
+        """Of the views with these names, share by share, for meta.json."""
+        kinds = "filled_share", "depth_filled_share", "left_open_share"
+        order = list(names)
+        return {kind: {name: self.views[name][kind] for name in order} for kind in kinds}
+
+
+class SequenceCompletion:
+    """A data set of posed frames, read. `views` completes them one after the other, `write` makes a data set of them."""
+
+    def __init__(
+        self,
+        dataset: str,
+        loaded: LoadedScene,
+        plan: Plan,
+        scene: Scene,
+        cameras: Mapping[str, Camera] | None,
+        masks: Mapping[int, BoolArray],
+        settings: Mapping[str, Any],
+    ) -> None:
+        """dataset: its folder; plan, settings: how views are completed, the latter for meta.json and for a run that resumes;
+        scene: the frames without what is removed; cameras: of the views, None = of the frames; masks: of the removed object, by
+        frame."""
+        self.scene = scene
+        self.cameras = cameras or {name: frame.camera for name, frame in zip(loaded.kept, scene.frames)}
+        self._dataset, self._loaded, self._plan = dataset, loaded, plan
+        self._masks, self._settings = masks, settings
+        self._steps = steps_for(plan, scene, loaded.kept, cameras)
+
+    def __repr__(self) -> str:
+        return f"SequenceCompletion({len(self.cameras)} views of {len(self.scene.frames)} frames)"
+
+    def views(self) -> Iterator[tuple[str, View]]:
+        """Each view's name and the view, completed as it is asked for; nothing is kept or written."""
+        scene = self.scene
+        for step in self._steps:
+            found, scene = complete_step(self._plan, scene, step)
+            if step.shown:
+                yield step.name, above_confidence(found.view, self._settings["min_confidence"])
+
+    @system_errors(OutputError)
+    def write(
+        self,
+        output: PathLike,
+        *,
+        only: Sequence[str] | None = None,
+        also: Sequence[str] = (),
+        progress: ViewProgress | None = None,
+    ) -> dict[str, Any]:
+        """Complete the views and write a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 =
+        filled or open), origin/, source/ (the frame each pixel comes from); scene.glb, meta.json, sparse/0 (a COLMAP model as
+        text), a video of the views; scene.npz and scene.ply where asked for. A killed run resumes at the frame it was at.
+
+        Args:
+            output: Directory for the results.
+            only: What of scene, points, mesh, colmap and video is written next to the views; None: mesh, colmap and video.
+            also: More of them. "scene" is the file that `dlama view` and `dlama video` read.
+            progress: Called after each view: how many are done, of how many, its name, whether an earlier run did it.
+        Returns:
+            What meta.json holds.
+        Raises:
+            InputError: an unknown name; OutputError.
+        """
+        check_arguments(SequenceCompletion.write, locals())
+        started, target, chosen = time.perf_counter(), check_folder_name(output), check_results(only, also)
+        loaded, settings, masked = self._loaded, self._settings, self._settings["min_confidence"] > 0
+        asked = {**settings, "views": [(step.name, step.shown) for step in self._steps]}
+        state = SequenceState(target, asked, loaded.scene, self._masks, __version__)
+        done = complete_steps(self._plan, self.scene, self._steps, state, target, progress, settings["min_confidence"])
+        meta = {
+            "dlama": __version__,
+            "dataset": self._dataset,
+            **about_frames(loaded.names, loaded.kept, loaded.scene, loaded.damaged),
+            **settings,
+            "decisions": loaded.decisions | {name: dict(decision) for name, decision in self._plan.decisions.items()},
+            "masked_frames": [loaded.names[number] for number in sorted(self._masks)],
+            **done.shares(self.cameras),
+            "remaining_shadow": done.shadow,
+            "views_from_earlier_run": done.reused,
+            **write_views(target, done.scene, self.cameras, loaded.names, chosen, masked),
+            "seconds": round(time.perf_counter() - started, 3),
+        }
+        write_json(target / "meta.json", meta)
+        state.end()
+        return meta
+
+
+def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damaged: Mapping[str, str]) -> dict[str, Any]:
+    """For meta.json: where depth comes from, the frames that the scene is made of (`kept` of those with `names`), why others were
+    left out."""
+    contradict = [name for name in names if name not in kept and name not in damaged]
+    return {
+        "depth": "estimated" if given.has_estimated_depth else "measured",
+        "frames": {"names": list(kept), "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
+        "left_out": dict(damaged) | dict.fromkeys(contradict, "see warnings"),
+    }
+
+
+def write_views(
+    target: Path, scene: Scene, cameras: Mapping[str, Camera], names: Sequence[str], chosen: Sequence[str], masked: bool
+) -> dict[str, Any]:
+    """What is made of all views, written: transforms.json and those of RESULTS in `chosen`; for meta.json: what was left out.
+
+    cameras: of the views, by name; names: of the frames; masked: whether views have masks. Raises OutputError.
+    """
+    points = {"ply_file_path": "scene.ply"} if "points" in chosen else {}
+    write_transforms(target, cameras, names, points, masked)
+    about = write_whole(target, scene, cameras, chosen)
+    if "video" in chosen:
+        about["video"] = write_views_video(target, list(cameras))
+    return about
+
+
+def steps_for(plan: Plan, scene: Scene, names: Sequence[str], cameras: Mapping[str, Camera] | None) -> list[Step]:
+    """The views to complete, in order: the frames that matter, then the cameras (name -> camera; None: the frames' own).
+
+    names: of the frames.
+    """
+    places = frames_to_fill(plan, scene, list((cameras or {}).values()))
+    if cameras is None:
+        places += [place for place in range(len(scene.frames)) if place not in places]
+    frames = [Step(names[place], scene.frames[place].camera, place, cameras is None) for place in places]
+    return [*frames, *(Step(name, camera, None, True) for name, camera in (cameras or {}).items())]
+
+
+def complete_steps(
+    plan: Plan,
+    scene: Scene,
+    steps: Sequence[Step],
+    state: SequenceState,
+    target: Path,
+    progress: ViewProgress | None,
+    min_confidence: float,
+) -> StepResults:
+    """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError.
+
+    Fills below `min_confidence` are left out of what is written and of the scene; while the steps last they are in it, so
+    that every surface is filled once.
+    """
+    resumed = state.begin()
+    masked = min_confidence > 0
+    for folder in (*FOLDERS, MASKS) if masked else FOLDERS:
+        (target / folder).mkdir(exist_ok=True)
+    done = StepResults(scene)
+    for number, step in enumerate(steps):
+        added = state.of(number, step.camera) if resumed else None
+        earlier = added is not None
+        if added is None:
+            found, larger = complete_step(plan, done.scene, step)
+            shown = above_confidence(found.view, min_confidence)
+            if step.shown:
+                write_view(target, step.name, shown, masked)
+            shares = shares_of(shown) | shadow_of(found)
+            added = state.keep(number, step.camera, StepChange.by(step, shares, done.scene, larger))
+        done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
+        done.shadow = done.shadow or describe_shadow(*(int(added.shares[name]) for name in SHADOW))
+        if step.shown:
+            done.views[step.name] = added.shares
+        if progress is not None:
+            progress(number + 1, len(steps), step.name if step.shown else f"{step.name} (on the way)", earlier)
+    done.scene = scene_above(done.scene, min_confidence)
+    return done
+
+
+def shares_of(view: View) -> dict[str, float]:
+    """What of a completed view was filled, got a depth, is open."""
+    return {
+        "filled_share": share(view.filled),
+        "depth_filled_share": share(view.origin == Origin.DEPTH_FILLED.value),
+        "left_open_share": share(view.hole),
+    }
+
+
+def shadow_of(found: CompletedView) -> dict[str, int]:
+    """The pixels that look like the shadow of a removed object, and those of the object."""
+    shadow = sum(one.notes.get("remaining_shadow_px", 0) for one in found.reports)
+    return dict(zip(SHADOW, (shadow, int(found.before.object_hole.sum()))))
+
+
+def complete_step(plan: Plan, scene: Scene, step: Step) -> tuple[CompletedView, Scene]:
+    """The view of a step, completed, and the scene with what was filled for it."""
+    if step.place is None:
+        return complete_view(plan, scene, step.camera)
+    return complete_frame(plan, scene, step.place)
