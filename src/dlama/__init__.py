@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal to MODULES
     from dlama.completion.completion import Completion as Completion
     from dlama.completion.completion import StereoCompletion as StereoCompletion
+    from dlama.completion.meta_data import MetaData as MetaData
     from dlama.completion.options import Options as Options
     from dlama.completion.photo3d import Photo3D as Photo3D
     from dlama.completion.photo3d import photo3d as photo3d
@@ -85,6 +86,7 @@ __version__ = "0.1.0"
 
 NAMES = {
     "completion.completion": ("Completion", "StereoCompletion"),
+    "completion.meta_data": ("MetaData",),
     "completion.options": ("Options",),
     "completion.photo3d": ("Photo3D", "photo3d"),
     "completion.pipeline": ("complete", "render_path"),

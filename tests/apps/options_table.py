@@ -258,7 +258,9 @@ EVALUATE = {
 }
 SEQUENCE = {
     "dataset": instead("other", "sequence.dataset", Path("other"), "room"),
-    "output": Reach("-o elsewhere", "sequence.output", Path("elsewhere"), ("-o out",)),
+    "output": Reach("-o elsewhere", "write.output", Path("elsewhere"), ("-o out",)),
+    "only": Reach("--only scene,points", "write.only", ("scene", "points")),
+    "also": Reach("--also scene", "write.also", ("scene",)),
     "mask": Reach("--mask 3=a.png", "mask_files.named", ("3=a.png",)),
     "masks": Reach("--masks folder", "mask_files.folder", Path("folder")),
     "with_shadow": Reach("--mask 0=a.png --with-shadow", "sequence.with_shadow", True),

@@ -152,7 +152,8 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.verbs.measuring.evaluating.reliability_lines", [])
     spy("dlama.worlds.writer.write_worlds", [])
     spy("dlama.diagnose", ())
-    spy("dlama.sequence", {})
+    spy("dlama.sequence", object.__new__(dlama.SequenceCompletion))
+    spy("dlama.SequenceCompletion.write", {})
     spy(
         "dlama.datasets.sequences.loading.read_scene_of",
         SimpleNamespace(scene=SimpleNamespace(frames=(), has_estimated_depth=False)),
@@ -162,7 +163,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.render_path", [])
     box = SimpleNamespace(angle=3.0, distance=0.1, pivot=2.0)
     told = {"photo3d": {"filled_cameras": [], "open_share": 0.0}, "filler": "telea"}
-    spy("dlama.photo3d", SimpleNamespace(meta=told, box=box))
+    spy("dlama.photo3d", dlama.Photo3D(None, box, told))  # type: ignore[arg-type]
     spy("dlama.write_photo3d")
     spy("dlama.files.results.video.write_video", 1)
     spy("dlama.apps.verbs.sequence.mask_files", {"3": Path("a.png")})

@@ -126,7 +126,7 @@ def takers_of(place: Path, layout: str, verb: str) -> Iterator[str]:
         yield f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself"
 
 
-def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
+def summary_line(meta: Mapping[str, Any], place: object, seconds: float) -> str:
     """One line: where it lies, what share was unknown and why, which filler filled it, seconds, what to know of the mask."""
     how = f", filler {meta['filler']}"
     if estimate := meta.get("depth_estimate"):
@@ -137,7 +137,7 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
     return f"{place}: {describe_unknown(meta)}{how}, {seconds:.1f} s{notes}{shadow}"
 
 
-def describe_unknown(meta: dict[str, Any]) -> str:
+def describe_unknown(meta: Mapping[str, Any]) -> str:
     """The share that was unknown, and why: means over the views. Pixels that lacked only depth have a share of their own; they
     are of type `sensor`."""
     unknown, depth_only = (statistics.fmean(meta[name]) for name in ("hole_share", "depth_only_share"))
@@ -153,13 +153,15 @@ def describe_unknown(meta: dict[str, Any]) -> str:
     return f"{unknown:.1%} was unknown{why}"
 
 
-def remaining_shadow(meta: dict[str, Any], with_shadow: bool) -> str:
+def remaining_shadow(meta: Mapping[str, Any], with_shadow: bool) -> str:
     """For the last line: what is known of a shadow that stays, and the option; "" where there is none, or it was removed."""
     stays = "" if with_shadow else describe_remaining_shadow(meta)
     return f"; {stays}: --with-shadow removes it, too" if stays else ""
 
 
-def summary_values(meta: dict[str, Any], place: Path, files: list[str], stages: Mapping[str, float]) -> dict[str, Any]:
+def summary_values(
+    meta: Mapping[str, Any], place: Path, files: list[str], stages: Mapping[str, float]
+) -> dict[str, Any]:
     """The same, JSON-ready; shares view by view, and with the seconds of stages round the completion."""
     names = ("filler", "hole_share", "depth_only_share", "hole_share_by_type", "nothing_visible", "law_violations")
     values = {"recipe": meta["recipe"]["name"], **{name: meta[name] for name in names}}

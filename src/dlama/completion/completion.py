@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
+from dlama.completion.meta_data import MetaData, read_only
 from dlama.completion.recipes import check_confidence
 from dlama.errors import InputError
 from dlama.geometry.cloud import Mesh, PointCloud
@@ -37,8 +38,11 @@ class Completion(Figured):
     """Everything known and filled."""
     source: View
     """The source view as given."""
-    meta: dict[str, Any]
-    """Recipe, filler, hole shares, law moves and violations, seconds per stage; JSON-ready (docs/reference/formats.md)."""
+    meta: MetaData
+    """Recipe, filler, hole shares, law moves and violations, seconds per stage; read-only."""
+
+    def __post_init__(self) -> None:
+        vars(self)["meta"] = read_only(self.meta)
 
     def __repr__(self) -> str:
         sizes = sorted({f"{view.camera.width}x{view.camera.height}" for view in self.views})

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
+from dlama.completion.meta_data import MetaData, read_only
 from dlama.completion.options import Options
 from dlama.completion.report import Clock, meta_data, warn_of_scale
 from dlama.completion.start import Plan, describe_depth, plan_for, scene_of
@@ -64,8 +64,11 @@ class Photo3D:
     """The source as it was given, and behind it what was filled."""
     box: HeadBox
     """Where it may be looked at from."""
-    meta: dict[str, Any]
-    """As of a completion, and `photo3d`: the box, the cameras it was filled for, what stayed open; JSON-ready."""
+    meta: MetaData
+    """As of a completion, and `photo3d`."""
+
+    def __post_init__(self) -> None:
+        vars(self)["meta"] = read_only(self.meta)
 
     def __repr__(self) -> str:
         width, height = self.box.camera.wh

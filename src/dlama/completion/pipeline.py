@@ -82,7 +82,7 @@ def complete(
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
     meta = meta_data(start.plan, first, warped, fills, clock.seconds, start.mask, grown)
-    meta = {**start.about, **meta, **expected_errors(views)}
+    meta = start.about | meta | expected_errors(views)
     return Completion(views, warped, scene, source, meta).with_min_confidence(chosen.min_confidence)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dlama.completion.meta_data import MetaData
 from dlama.completion.start import Plan
 from dlama.errors import warn
 from dlama.geometry.camera import Camera
@@ -56,8 +57,8 @@ def meta_data(
     seconds: dict[str, float],
     mask: Dilation = NO_DILATION,
     holes: Sequence[Dilation] = (),
-) -> dict[str, Any]:
-    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md).
+) -> MetaData:
+    """The meta data of a completion.
 
     frame: the first one; warped: the views before filling; fills: what the steps reported, in their order; seconds: by stage;
     mask, holes: how the object mask and the hole of each view grew.
@@ -124,7 +125,7 @@ def hole_shares(hole_type: UInt8Array) -> dict[str, float]:
     return {kind.name.lower(): float(counts[kind]) / hole_type.size for kind in HoleType if kind}
 
 
-def expected_errors(views: Sequence[View]) -> dict[str, Any]:
+def expected_errors(views: Sequence[View]) -> MetaData:
     """`expected_error` of meta.json: means over what was filled in each view, of depth in metres (where that is finite) and of
     colour in levels; None where nothing was, or nothing expects an error."""
     depths, colors = [], []

@@ -15,6 +15,7 @@ import numpy as np
 
 from dlama.arguments import function_name
 from dlama.completion.memory import check_memory
+from dlama.completion.meta_data import MetaData
 from dlama.completion.options import Options
 from dlama.completion.recipes import Recipe
 from dlama.errors import InputError, warn
@@ -72,7 +73,7 @@ class Start(NamedTuple):
     """The scene that is completed: without what is masked."""
     mask: Dilation
     """How the masks grew."""
-    about: Mapping[str, Any]
+    about: MetaData
     """For meta.json: where the depth comes from."""
 
 
@@ -143,13 +144,13 @@ def describe_padding(frames: Sequence[Layer]) -> dict[str, dict[str, Any]]:
     return {"padding": {"pixels": pixels, "reason": reason}} if pixels else {}
 
 
-def describe_depth(rgbd: RGBD | Scene) -> dict[str, Any]:
+def describe_depth(rgbd: RGBD | Scene) -> MetaData:
     """For meta.json: where the depth comes from; of a picture how it was estimated, of a scene of several frames their numbers,
     gains and noise, too."""
     if isinstance(rgbd, RGBD):
         estimate = rgbd.estimate
         return {"depth": "measured"} if estimate is None else {"depth": "estimated", "depth_estimate": dict(estimate)}
-    about: dict[str, Any] = {"depth": "estimated" if rgbd.has_estimated_depth else "measured"}
+    about: MetaData = {"depth": "estimated" if rgbd.has_estimated_depth else "measured"}
     if len(rgbd.frames) > 1:
         about["frames"] = {
             "numbers": list(rgbd.numbers),
@@ -182,7 +183,7 @@ def plan_for(
     Raises InputError, MaskError, as `complete`.
     """
     recipe, again = options.settings, may_estimate_again(rgbd)
-    about = describe_depth(rgbd) if isinstance(rgbd, RGBD | Scene) else {}
+    about = describe_depth(rgbd) if isinstance(rgbd, RGBD | Scene) else None
     given = scene = scene_of(rgbd, recipe.clip)
     check_memory((*(one.camera for one in given.frames if isinstance(one, View)), *cameras))
     choice = choose_filler(given.has_estimated_depth, options.filler, options.model)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dlama.completion.completion import Completion
+from dlama.completion.meta_data import MetaData
 from dlama.errors import InputError
 from dlama.files.cameras import camera_for, read_stereo_calib
 from dlama.files.rasters.depth import read_disparity
@@ -234,15 +235,13 @@ class JobInputs:
             pictures = read_color(left), read_color(right)
             return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])
 
-    def how_depth_was_read(self) -> dict[str, Any]:
-        """For meta.json; nothing where no option was given."""
-        return {"depth_reading": self.depth_reading} if self.depth_reading else {}
+    def about_inputs(self) -> MetaData:
+        """For meta.json: the options that depth was read with and how the object's mask was found, where there are any."""
+        depth: MetaData = {"depth_reading": self.depth_reading} if self.depth_reading else {}
+        return depth | ({"object_mask": self.object_mask} if self.object_mask else {})
 
     def write_completion(self, done: Completion, output: Path, p: Parameters) -> list[str]:
         """The result to its directory; the names of its files."""
-        if self.object_mask:
-            done.meta["object_mask"] = self.object_mask
-        done.meta.update(self.how_depth_was_read())
         with self.timed("write"):
             write(
                 done,

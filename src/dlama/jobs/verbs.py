@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +50,9 @@ def perform(
     done = PERFORM[verb](this, p, truth)
     if isinstance(done, RGBD):
         write_depth(done, output, inputs=this.inputs, seconds=this.stages)
-    else:
-        this.write_completion(done, output, p)
+        return done
+    done = replace(done, meta=done.meta | this.about_inputs())
+    this.write_completion(done, output, p)
     return done
 
 

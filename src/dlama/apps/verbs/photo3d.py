@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -85,9 +85,8 @@ def photo3d(
         else:
             source = this.read_source(p)
         done = dlama.photo3d(source, **vars(box), **select(p, METHOD))
-        done.meta.update(this.how_depth_was_read())
         dlama.write_photo3d(
-            done,
+            replace(done, meta=done.meta | this.about_inputs()),
             output,
             **names,
             inputs=this.inputs,

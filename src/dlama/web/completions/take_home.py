@@ -7,6 +7,7 @@ import shlex
 import tempfile
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -146,14 +147,15 @@ def write_result(result: Result, folder: Path, only: tuple[str, ...] | None = No
         inputs["mask"] = folder / MASK
         names[folder / MASK] = MASK
         write_mask(folder / MASK, result.mask)
+    about = result.source.job.about_inputs()
     if result.object_mask and not needs_mask_file(result):
-        result.done.meta["object_mask"] = result.object_mask
-    result.done.meta.update(result.source.job.how_depth_was_read())
+        about["object_mask"] = result.object_mask
+    done = replace(result.done, meta=result.done.meta | about)
     lens_from = hide_paths(result.source.job.intrinsics_from, names)
     seconds = result.source.job.stages
     shown = {role: names[Path(path)] for role, path in inputs.items()}
     how_read: dict[str, Any] = {"intrinsics_from": lens_from, "seconds": seconds, "input_addresses": shown}
-    return dlama.write(result.done, folder / OUT, only=only, inputs=inputs, **how_read)
+    return dlama.write(done, folder / OUT, only=only, inputs=inputs, **how_read)
 
 
 def zip_result(result: Result, parent: Path) -> bytes:
