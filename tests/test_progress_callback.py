@@ -27,6 +27,15 @@ def test_stages_come_in_order_and_go_to_the_innermost(tmp_path: Path) -> None:
     assert sorted(outer) == ["write depth.exr", "write depth.png", "write image.png"]
 
 
+def test_many_frames_are_counted_as_they_are_read() -> None:
+    """`scene` and `align_frames` say which frame they are at."""
+    frames, read, compared = [FRAME, WORLD.rgbd(dlama.orbit(CAMERA, 3))], list[str](), list[str]()
+    dlama.scene(frames, progress=read.append)
+    assert read == ["read frame 1 of 2", "read frame 2 of 2", "compare frames"]
+    dlama.align_frames(frames, progress=compared.append)
+    assert set(compared) == {"find features of frame 1 of 2", "find features of frame 2 of 2"}
+
+
 def test_what_the_callback_raises_ends_the_work(tmp_path: Path) -> None:
     """Nothing half-written is left."""
 

@@ -85,7 +85,9 @@ def test_what_is_written_is_read_back(whole: tuple[Path, dict[str, Any]]) -> Non
 
 def test_views_come_one_by_one_and_nothing_is_written(room: Path, whole: tuple[Path, dict[str, Any]]) -> None:
     """Oracle: the same views, written."""
-    before, given = sorted(room.parent.rglob("*")), dlama.sequence(room)
+    before, stages = sorted(room.parent.rglob("*")), list[str]()
+    given = dlama.sequence(room, progress=stages.append)
+    assert "read frame 4 of 4" in stages and "compare frames" in stages
     assert repr(given) == "SequenceCompletion(4 views of 4 frames)"
     names = []
     for name, view in given.views():

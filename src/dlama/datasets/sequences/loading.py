@@ -76,12 +76,10 @@ def read_scene_of(
     kept = {frame.name for frame in chosen}
     decisions = {"poses": {"name": "given", "reason": "keep_poses"}}
     if not keep_poses:
-        begin_stage("compare poses with pictures")
         chosen, decisions = align_poses(chosen)
     views, damaged = read_views(dataset, chosen, clip)
     names = list(views)
     called = [name if name.startswith("frame") else f"frame {name}" for name in names]
-    begin_stage("compare frames")
     gathered = gather_views(list(views.values()), called)
     gathered = replace(gathered, names=tuple(names[number] for number in gathered.numbers))
     not_chosen = [frame.name for frame in every if frame.name not in kept]

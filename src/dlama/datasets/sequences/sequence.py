@@ -20,10 +20,12 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
+from dlama.progress import Progress, take_progress
 from dlama.writing.atomic_write import PathLike
 
 
 @take_options
+@take_progress
 def sequence(
     dataset: PathLike,
     *,
@@ -39,6 +41,7 @@ def sequence(
     max_depth: float | None = None,
     resize_depth: Literal["guided", "nearest"] | None = None,
     keep_poses: bool = False,
+    progress: Progress | None = None,
     **options: Unpack[OptionKeywords],
 ) -> SequenceCompletion:
     """Complete a data set of posed frames: what one frame lacks comes from the others, only the rest is filled, once.
@@ -61,6 +64,7 @@ def sequence(
             its size, or, in recordings of phones and depth cameras, to up to four times that.
         keep_poses: Else poses are made to agree with the pictures first, where they are off by a pixel or more, as those of
             hand-held cameras are (`align_frames`); the results then have the new poses.
+        progress: Called with the name of each stage as it begins; what it raises ends the work.
         options: How the scene is completed (`Options`).
     Raises:
         InputError: what `scene` and `complete` refuse, a mask for a frame that is not there; FileError.

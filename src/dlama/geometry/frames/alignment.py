@@ -23,6 +23,7 @@ from dlama.geometry.frames.pose_system import Matches, adjust_poses, measure_off
 from dlama.geometry.holes import smaller_size, square
 from dlama.geometry.projection import project, unproject
 from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.progress import Progress, begin_stage, take_progress
 
 Source = TypeVar("Source", RGBD, Callable[[], RGBD])
 FEATURES = 900
@@ -87,7 +88,8 @@ class Alignment:
         return {"poses": {"name": name, "reason": reason, **offsets}}
 
 
-def align_frames(frames: Sequence[Source]) -> list[Source]:
+@take_progress
+def align_frames(frames: Sequence[Source], *, progress: Progress | None = None) -> list[Source]:
     """The frames with poses that agree with their pictures; the same frames where they fit already, or show no features.
 
     Poses of hand-held sequences are off by centimetres, and a picture's time is not its depth's: an object then lies several
@@ -97,6 +99,7 @@ def align_frames(frames: Sequence[Source]) -> list[Source]:
     Args:
         frames: Posed frames of one scene, or functions that read them, in the order in which they were taken. Each is read once
             here, in sequences of more than 64 some twice.
+        progress: Called with the name of each stage as it begins; what it raises ends the work.
     """
     check_arguments(align_frames, locals())
     found = estimate_poses(len(frames), lambda place: detect_features(read_frame(frames[place])))
@@ -110,7 +113,12 @@ def estimate_poses(count: int, features: Callable[[int], Features]) -> Alignment
 
     features: place of a frame, 0 to count - 1 -> its features. Few are held at a time.
     """
-    recent = lru_cache(2 * STEPS[-1])(features)
+
+    def read(place: int) -> Features:
+        begin_stage(f"find features of frame {place + 1} of {count}")
+        return features(place)
+
+    recent = lru_cache(2 * STEPS[-1])(read)
     before = check_poses(count, recent)
     if before <= FITS_PX:
         return Alignment(None, before, before)

@@ -32,6 +32,7 @@ from dlama.geometry.projection import project_to_pixels, world_points
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene, contribution, name_of_number
 from dlama.geometry.view import View
+from dlama.progress import Progress, begin_stage, take_progress
 
 SAME_POSE = 1e-6
 """Of the entries of two poses that may be the same."""
@@ -45,10 +46,9 @@ FrameSource = RGBD | Callable[[], RGBD]
 """A frame, or what reads it: a function without arguments, which is called again when its pixels are needed again."""
 
 
+@take_progress
 def scene(
-    frames: Sequence[FrameSource],
-    *,
-    names: Sequence[str] | None = None,
+    frames: Sequence[FrameSource], *, names: Sequence[str] | None = None, progress: Progress | None = None
 ) -> Scene:
     """The scene that several posed frames show, in their one world. One frame gives the scene of one picture.
 
@@ -61,6 +61,7 @@ def scene(
         frames: Pictures with metric depth, of one size; their cameras stand in one world. In the place of a picture a function
             that reads it: then only some 90 pictures of 640x480 are in memory at a time, however many there are.
         names: What messages and files call them (`Scene.names`); by default they have their numbers.
+        progress: Called with the name of each stage as it begins; what it raises ends the work.
     Raises:
         InputError: no frame, frames of different sizes (ShapeError), or of which no two show the same surfaces.
     """
@@ -70,8 +71,11 @@ def scene(
         raise InputError("`frames` is empty; one posed RGB-D frame or more is expected")
     if len(called) != len(frames):
         raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are expected")
-    cache = PixelCache()
-    found = gather_views([open_view(frame, name, cache) for frame, name in zip(frames, called)], called)
+    cache, views = PixelCache(), list[Layer]()
+    for number, (frame, name) in enumerate(zip(frames, called)):
+        begin_stage(f"read frame {number + 1} of {len(frames)}")
+        views.append(open_view(frame, name, cache))
+    found = gather_views(views, called)
     if names is None:
         return found
     return dataclasses.replace(found, names=tuple(called[number] for number in found.numbers))
@@ -109,6 +113,7 @@ def gather_views(views: Sequence[Layer], called: Sequence[str]) -> Scene:
     kept = _drop_duplicates(views, called)
     if len(kept) == 1:
         return Scene((views[kept[0]],), numbers=(kept[0],))
+    begin_stage("compare frames")
     pairs = measure_overlaps([views[place] for place in kept])
     found = {(kept[i], kept[j]): each for (i, j), each in pairs.items()}
     kept = _drop_outliers(kept, found, called)
