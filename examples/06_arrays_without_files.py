@@ -4,7 +4,7 @@ import numpy as np
 
 import dlama
 
-camera = dlama.Camera.from_fov(160, 120, fov_deg=60)
+camera = dlama.Camera.from_fov(160, 120, fov=60)
 depth = np.full(camera.hw, 4.0, np.float32)  # a wall
 depth[40:80, 60:100] = 2.0  # a box before it
 depth[:20] = np.inf  # sky above

@@ -68,7 +68,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "write_depth": {"rgbd": RGBD, "directory": "out"},
     "Camera": {"width": W, "height": H, "fx": 20.0, "fy": 20.0, "cx": 16.0, "cy": 12.0},
     "Camera.from_K": {"K": CAMERA.K, "width": W, "height": H},
-    "Camera.from_fov": {"width": W, "height": H, "fov_deg": 60},
+    "Camera.from_fov": {"width": W, "height": H, "fov": 60},
     "Law.of": {"scene": SCENE},
     "FillContext.of": {"scene": SCENE},
     "MaskSession": {"picture": RGBD},

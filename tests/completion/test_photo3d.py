@@ -100,7 +100,7 @@ def test_a_very_wide_lens(fov: float) -> None:
     mean an error."""
     color = np.random.default_rng(1).integers(0, 255, (48, 64, 3)).astype(np.uint8)
     depth = np.where(np.arange(64) < 20, 3, 5) * np.ones((48, 1), np.float32)
-    given = RGBD(color, depth, Camera.from_fov(64, 48, fov_deg=fov))
+    given = RGBD(color, depth, Camera.from_fov(64, 48, fov=fov))
     wide = photo3d(given)
     view = render(wide.scene, wide.box.camera)
     assert (view.color == color).all() and (view.depth == given.depth).all()

@@ -57,10 +57,10 @@ def test_px_from_px_is_the_way_through_the_world(source: Camera, target: Camera,
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(1, 179), st.integers(1, 4000), st.integers(1, 4000))
-def test_field_of_view_there_and_back(fov_deg: float, width: int, height: int) -> None:
+def test_field_of_view_there_and_back(fov: float, width: int, height: int) -> None:
     """There and back; and square pixels with the principal point in the middle of the picture, not of a pixel."""
-    camera = Camera.from_fov(width, height, fov_deg)
-    assert camera.fov_deg == pytest.approx(fov_deg, abs=1e-9)
+    camera = Camera.from_fov(width, height, fov)
+    assert camera.fov == pytest.approx(fov, abs=1e-9)
     assert camera.fx == camera.fy
     assert (camera.cx, camera.cy) == (width / 2, height / 2)
 
@@ -95,11 +95,11 @@ REFUSED: list[tuple[Callable[..., object], dict[str, Any], str]] = [
     (Camera.from_K, {**K, "K": [[-5, 0, 4], [0, 5, 3], [0, 0, 1]]}, "fx is -5"),
     (Camera.from_K, {**K, "K": [[5, 0, np.nan], [0, 5, 3], [0, 0, 1]]}, "cx is nan"),
     (Camera.from_K, {**K, "K": np.eye(3), "pixel_center": 1.0}, "pixel_center is 1; 0.5 or 0.0"),
-    (Camera.from_fov, {"width": "64", "height": 48, "fov_deg": 60}, "camera width is '64'"),
-    (Camera.from_fov, {"width": 64, "height": None, "fov_deg": 60}, "camera height is None"),
-    (Camera.from_fov, {"width": 64, "height": 48, "fov_deg": "60"}, "fov is '60' degrees"),
+    (Camera.from_fov, {"width": "64", "height": 48, "fov": 60}, "camera width is '64'"),
+    (Camera.from_fov, {"width": 64, "height": None, "fov": 60}, "camera height is None"),
+    (Camera.from_fov, {"width": 64, "height": 48, "fov": "60"}, "fov is '60' degrees"),
     *(
-        (Camera.from_fov, {"width": 64, "height": 48, "fov_deg": fov}, f"fov is {fov} degrees")
+        (Camera.from_fov, {"width": 64, "height": 48, "fov": fov}, f"fov is {fov} degrees")
         for fov in (0, 180, -5, np.nan, 1e-9)
     ),
 ]

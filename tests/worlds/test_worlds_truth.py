@@ -76,7 +76,7 @@ def test_cameras_orbit_the_point_ahead_and_the_rig_is_rectified() -> None:
     """Oracle: geometry.motion.trajectories.orbit of the first camera; 0.12 m along its x axis."""
     made = world(2)
     first = made.camera(size=100, fov=70)
-    assert first.fov_deg == pytest.approx(70) and first.world_from_cam[1, 3] == -made.eye_m
+    assert first.fov == pytest.approx(70) and first.world_from_cam[1, 3] == -made.eye_m
     for yaw in (10, -60):
         np.testing.assert_allclose(
             made.camera(yaw, 100, 70).world_from_cam, orbit(first, yaw).world_from_cam, atol=1e-12

@@ -208,5 +208,5 @@ def _examine_pair(left: Path, right: Path, calib: PathLike) -> Found:
     found = [
         replace(each, what=f"{names}: {each.what}") for each in check_lens(rig.left) + check_pair(*pictures, rig.doffs)
     ]
-    parts = [format_size(rig.left.hw), f"{rig.left.fov_deg:.3g} degrees wide"]
+    parts = [format_size(rig.left.hw), f"{rig.left.fov:.3g} degrees wide"]
     return found, names, [*parts, f"baseline {rig.baseline_m:.3g} m", f"doffs {rig.doffs:.3g} px"]

@@ -81,24 +81,22 @@ class Camera:
         object.__setattr__(self, "world_from_cam", check_pose(self.world_from_cam))
 
     @classmethod
-    def from_fov(cls, width: int, height: int, fov_deg: float, world_from_cam: ArrayLike | None = None) -> Camera:
+    def from_fov(cls, width: int, height: int, fov: float, world_from_cam: ArrayLike | None = None) -> Camera:
         """Camera with square pixels, centred, from its horizontal field of view in degrees (0 < fov < 180).
 
         Examples:
             >>> import dlama
-            >>> camera = dlama.Camera.from_fov(640, 480, fov_deg=90)
+            >>> camera = dlama.Camera.from_fov(640, 480, fov=90)
             >>> round(camera.fx, 6), camera.cx, camera.cy
             (320.0, 320.0, 240.0)
         """
-        if not is_finite(fov_deg) or not 0 < fov_deg < 180:
-            raise CameraError(
-                f"`fov` is {format_value(fov_deg)} degrees; a field of view between 0 and 180 is expected"
-            )
+        if not is_finite(fov) or not 0 < fov < 180:
+            raise CameraError(f"`fov` is {format_value(fov)} degrees; a field of view between 0 and 180 is expected")
         _check_size(width, height)
-        focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
+        focal = 0.5 * width / math.tan(math.radians(fov) / 2)
         if not SMALLEST_FOCAL_PX <= focal <= LARGEST_PX:
             size = "wide" if focal < 1 else "narrow"
-            raise CameraError(f"`fov` is {format_value(fov_deg)} degrees; no lens is as {size} as that")
+            raise CameraError(f"`fov` is {format_value(fov)} degrees; no lens is as {size} as that")
         pose = np.eye(4) if world_from_cam is None else check_pose(world_from_cam)
         return cls(width, height, focal, focal, width / 2, height / 2, pose)
 
@@ -150,13 +148,13 @@ class Camera:
         return invert_pose(self.world_from_cam)
 
     @property
-    def fov_deg(self) -> float:
+    def fov(self) -> float:
         """Horizontal field of view in degrees."""
         return math.degrees(math.atan(self.cx / self.fx) + math.atan((self.width - self.cx) / self.fx))
 
     def __repr__(self) -> str:
         centre = ", ".join(f"{metres:.3g}" for metres in self.world_from_cam[:3, 3] + 0.0)
-        return f"Camera({self.width}x{self.height}, {self.fov_deg:.3g} degrees wide, at ({centre}) m)"
+        return f"Camera({self.width}x{self.height}, {self.fov:.3g} degrees wide, at ({centre}) m)"
 
     def at(self, world_from_cam: ArrayLike) -> Camera:
         """The same camera at another pose."""
@@ -252,9 +250,7 @@ class StereoRig:
 
     def __repr__(self) -> str:
         left = self.left
-        return (
-            f"StereoRig({left.width}x{left.height}, {left.fov_deg:.3g} degrees wide, baseline {self.baseline_m:.3g} m)"
-        )
+        return f"StereoRig({left.width}x{left.height}, {left.fov:.3g} degrees wide, baseline {self.baseline_m:.3g} m)"
 
 
 def intrinsics_of(K: ArrayLike, called: str = "K") -> tuple[float, float, float, float]:

@@ -195,7 +195,7 @@ def resolve_camera(
         longer = 0.5 * max(width, height) / math.tan(math.radians(ASSUMED_FOV) / 2)
         camera, source = Camera(width, height, longer, longer, width / 2, height / 2), "assumed"
         warn(f"the field of view is assumed ({ASSUMED_FOV:g} degrees across the longer side): give `fov` or `camera`")
-    return camera, {"degrees": round(camera.fov_deg, 3), "from": source}, shift
+    return camera, {"degrees": round(camera.fov, 3), "from": source}, shift
 
 
 def resize_prediction(

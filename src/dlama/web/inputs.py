@@ -143,7 +143,7 @@ def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapp
     lens = lens_from if lens_from == "assumed" else f"from {lens_from}"
     facts = {
         "picture": f"{width} x {height} pixels",
-        "camera": f"{rgbd.camera.fov_deg:.1f}° wide, fx {rgbd.camera.fx:.1f} px, {lens}",
+        "camera": f"{rgbd.camera.fov:.1f}° wide, fx {rgbd.camera.fx:.1f} px, {lens}",
         "depth": f"{describe_depth_range(rgbd.depth)}, {percent(rgbd.missing)} missing, {percent(rgbd.far)} sky",
     }
     if rgbd.estimate is not None:

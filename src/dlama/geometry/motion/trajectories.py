@@ -31,7 +31,7 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
 
     Examples:
         >>> import dlama
-        >>> camera = dlama.Camera.from_fov(640, 480, fov_deg=60)
+        >>> camera = dlama.Camera.from_fov(640, 480, fov=60)
         >>> dlama.orbit(camera, yaw=90, pivot=2.0).world_from_cam[:3, 3].round(6).tolist()  # to the right of the pivot
         [2.0, 0.0, 2.0]
     """

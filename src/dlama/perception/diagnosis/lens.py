@@ -25,10 +25,8 @@ def check_lens(camera: Camera) -> list[Finding]:
     if camera.fx <= 5 < 0.1 * wide:
         what = f"`fx` is {camera.fx:.3g} px, wider than any lens; it looks like a share of the picture's width"
         return [Finding("focal-length", "fault", 0.95, what, f"give `fx={camera.fx * wide:.5g}`")]
-    if camera.fov_deg > 150:  # cameras of so wide a view have no such pictures
-        what = (
-            f"`fx` is {camera.fx:.3g} px, a view of {camera.fov_deg:.3g} degrees; it looks like a lens in millimetres"
-        )
+    if camera.fov > 150:  # cameras of so wide a view have no such pictures
+        what = f"`fx` is {camera.fx:.3g} px, a view of {camera.fov:.3g} degrees; it looks like a lens in millimetres"
         of_film = f"`fx={camera.fx * wide / 36:.5g}` of a sensor 36 mm wide"
         mend = f"give `fx` = millimetres / width of the sensor in millimetres x {wide}, {of_film}"
         return [Finding("focal-length", "fault", 0.95, what, mend)]
@@ -43,13 +41,13 @@ def check_exif(camera: Camera, exif: Camera) -> list[Finding]:
     """Reports a camera that sees much more or less than the EXIF data of its picture say."""
     if 1 / 1.25 < exif.fx / camera.fx < 1.25:
         return []
-    seen, recorded = camera.fov_deg, exif.fov_deg
+    seen, recorded = camera.fov, exif.fov
     what = f"the camera sees {seen:.3g} degrees, the picture's EXIF data say {recorded:.3g}"
     return [Finding("field-of-view", "fault", 0.75, what, "leave `fov` away, or keep it if the picture is a crop")]
 
 
 def _check_width(camera: Camera) -> list[Finding]:
-    wide = camera.fov_deg
+    wide = camera.fov
     if looks_like_radians(wide):
         what = f"the camera sees {wide:.3g} degrees, as narrow as a telescope; that looks like radians"
         return [Finding("fov-radians", "fault", 0.97, what, f"give `fov={math.degrees(wide):.4g}`")]

@@ -61,6 +61,6 @@ def describe_frame(rgbd: RGBD) -> list[str]:
     camera = rgbd.camera
     return [
         f"{camera.width}x{camera.height}",
-        f"{camera.fov_deg:.3g} degrees wide",
+        f"{camera.fov:.3g} degrees wide",
         f"depth {describe_depth_range(rgbd.depth)}",
     ]
