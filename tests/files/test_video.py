@@ -37,6 +37,17 @@ def test_a_video_holds_every_picture(tmp_path: Path) -> None:
     assert all(np.abs(frame.astype(int) - picture[:32]).mean() < 6 for frame, picture in zip(frames, PICTURES))
 
 
+@pytest.mark.parametrize("name", ["a.mp4", "a.mkv"])
+def test_colours_of_a_video_do_not_depend_on_a_guess(tmp_path: Path, name: str) -> None:
+    """Oracle: ITU-R BT.709's red, 63 102 240; the file states it, where players take BT.601 or BT.709 by the size otherwise."""
+    av = pytest.importorskip("av")
+    write_video(tmp_path / name, [np.full((32, 32, 3), (255, 0, 0), np.uint8)])
+    with av.open(str(tmp_path / name)) as found:
+        frame, stated = next(found.decode(video=0)), found.streams.video[0].codec_context
+    assert np.abs([int(bytes(plane)[0]) for plane in frame.planes] - np.array([63, 102, 240])).max() <= 1
+    assert (stated.color_primaries, stated.color_trc, stated.colorspace, stated.color_range) == (1, 13, 1, 1)
+
+
 def test_what_cannot_be_a_video_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another ending, two sizes; and without PyAV a line with what to install."""
     with pytest.raises(InputError, match=r"output is a\.avi; a name that ends in \.mp4"):

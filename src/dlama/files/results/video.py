@@ -15,6 +15,8 @@ from dlama.geometry.rgbd import UInt8Array
 from dlama.writing.atomic_write import PathLike, new_file
 
 VIDEOS, ANIMATIONS = (".mp4", ".mov", ".mkv"), (".webp", ".gif")
+BT_709, SRGB, LIMITED = 1, 13, 1
+"""Codes of ITU-T H.273: of primaries and of the way from RGB to YCbCr; of the transfer curve; of the range 16 to 235."""
 
 
 def check_video(path: PathLike) -> None:
@@ -62,7 +64,13 @@ def _encode_video(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int
                 stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001))
                 stream.height, stream.width, stream.pix_fmt = *even.shape[:2], "yuv420p"
                 stream.options = {"crf": "18", "preset": "medium"}  # hardly distinguishable from the pictures
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+                stated = stream.codec_context  # what a file does not state players guess, by the picture's size
+                stated.color_primaries, stated.color_trc, stated.colorspace = BT_709, SRGB, BT_709
+                stated.color_range = LIMITED
+            frame = av.VideoFrame.from_ndarray(even, format="rgb24")
+            container.mux(
+                stream.encode(frame.reformat(format="yuv420p", dst_colorspace=BT_709, dst_color_range=LIMITED))
+            )
             count += 1
         if stream is not None:
             container.mux(stream.encode(None))
