@@ -38,7 +38,9 @@ def test_a_video_holds_every_picture(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.mkv"])
-def test_colours_of_a_video_do_not_depend_on_a_guess(tmp_path: Path, name: str) -> None:
+def test_colours_of_a_video_do_not_depend_on_a_guess(
+    tmp_path: Path, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
     """Oracle: ITU-R BT.709's red, 63 102 240; the file states it, where players take BT.601 or BT.709 by the size otherwise."""
     av = pytest.importorskip("av")
     write_video(tmp_path / name, [np.full((32, 32, 3), (255, 0, 0), np.uint8)])
@@ -46,6 +48,7 @@ def test_colours_of_a_video_do_not_depend_on_a_guess(tmp_path: Path, name: str) 
         frame, stated = next(found.decode(video=0)), found.streams.video[0].codec_context
     assert np.abs([int(bytes(plane)[0]) for plane in frame.planes] - np.array([63, 102, 240])).max() <= 1
     assert (stated.color_primaries, stated.color_trc, stated.colorspace, stated.color_range) == (1, 13, 1, 1)
+    assert not caplog.records  # an option that the container does not have
 
 
 def test_what_cannot_be_a_video_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

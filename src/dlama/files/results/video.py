@@ -57,7 +57,8 @@ def _check_sizes(pictures: Iterable[UInt8Array]) -> Iterator[UInt8Array]:
 
 def _encode_video(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
     av, count, stream = _av(), 0, None
-    with av.open(str(path), "w", options={"movflags": "+faststart"}) as container:
+    options = {} if path.suffix.lower() == ".mkv" else {"movflags": "+faststart"}
+    with av.open(str(path), "w", options=options) as container:
         for picture in pictures:
             even = np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2])
             if stream is None:
