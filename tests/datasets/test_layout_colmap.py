@@ -145,6 +145,13 @@ def test_damaged_models_are_named(tmp_path: Path) -> None:
         open_frames(root)
 
 
+def test_images_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """Oracle: by hand; 9.png comes before 10.png, as in all other layouts."""
+    names = ["2.png", "9.png", "10.png"]
+    write_model(tmp_path, dict(zip(names, CAMERAS.values())), NO_POINTS)
+    assert [image.name for image in read_model(tmp_path)] == names
+
+
 @pytest.mark.parametrize("points", ["", "1.0 2.0 -1 " * 5])
 def test_names_with_blanks(tmp_path: Path, points: str) -> None:
     """Oracle: by hand; COLMAP writes a name as it is, and a line of points (three numbers each, or none) below each image."""

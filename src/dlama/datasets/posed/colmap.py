@@ -24,7 +24,7 @@ import numpy as np
 from dlama.datasets.posed import nerfstudio
 from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.posed_frames import Listed, files_of
-from dlama.datasets.text_tables import pose_at, read_rows
+from dlama.datasets.text_tables import natural_order, pose_at, read_rows
 from dlama.errors import CameraError, FileError, any_error
 from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_inverse_depth
@@ -60,7 +60,7 @@ def read_model(folder: Path) -> list[ColmapImage]:
         images = _binary_images(folder / "images.bin", cameras)
     if not images:
         raise FileError(f"{folder}: the model holds no images")
-    return sorted(images, key=lambda image: image.name)
+    return sorted(images, key=lambda image: natural_order(image.name))
 
 
 def _text_cameras(path: Path) -> dict[int, Lens]:
