@@ -53,6 +53,19 @@ def test_a_lens_of_each_frame_and_another_unit(tmp_path: Path) -> None:
     check_frames(open_dataset(written(tmp_path, per_frame=True, unit=0.0002)), half_unit_m=0.000101, far=True)
 
 
+def test_pictures_of_one_name_in_several_folders(tmp_path: Path) -> None:
+    """Oracle: the world; a rig's cameras number their pictures alike, which the folder tells apart, as of COLMAP."""
+    listing = stored(written(tmp_path))
+    for number, frame in enumerate(listing["frames"]):
+        frame["file_path"] = f"images/cam{number % 2}/{number // 2:04d}.png"
+        (tmp_path / frame["file_path"]).parent.mkdir(exist_ok=True)
+        (tmp_path / f"images/f{number}.png").rename(tmp_path / frame["file_path"])
+    save(tmp_path, listing)
+    dataset = open_dataset(tmp_path)
+    assert [frame.name for frame in dataset.frames] == ["cam0_0000", "cam1_0000", "cam0_0001", "cam1_0001"]
+    check_frames(dataset, far=True)
+
+
 def test_a_unit_that_is_given_replaces_the_listing_s(tmp_path: Path) -> None:
     """Oracle: the world; without either they are millimetres, and 65535 is far. Depth that has a unit of its own is refused."""
     listing = stored(written(tmp_path))

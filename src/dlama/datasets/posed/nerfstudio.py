@@ -17,6 +17,7 @@ comes from, 0 = none) and transforms.json, whose `source_frames` names those num
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -67,24 +68,37 @@ def listings_of(folder: Path) -> dict[str, Path]:
 
 def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
-    listed = [(prefix, *each) for prefix, path in listings_of(folder).items() for each in list_entries(path)]
-    if all("depth_file_path" not in frame for _, _, frame in listed):
+    listed = []
+    for prefix, path in listings_of(folder).items():
+        entries = list_entries(path)
+        colors = [picture_at(folder, frame.text("file_path")) for _, frame in entries]
+        listed += [(prefix + name, color, *each) for name, color, each in zip(names_of(colors), colors, entries)]
+    if all("depth_file_path" not in frame for *_, frame in listed):
         raise FileError(
             f"{folder}: none of its {len(listed)} frames has a depth_file_path; name the depth of each frame so (16-bit PNG in "
             "millimetres, EXR in metres). Of single photos `dlama depth` estimates it"
         )
-    for prefix, fields, frame in listed:
+    for name, color, fields, frame in listed:
         if "depth_file_path" not in frame:
             yield "", "without a depth_file_path"
             continue
-        color, depth = picture_at(folder, frame.text("file_path")), folder / frame.text("depth_file_path")
+        depth = folder / frame.text("depth_file_path")
         pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
         lens = lens_of(FileFields(frame.path, {**fields.values, **frame.values}), color)
         units = units_per_metre(fields, UNIT, 1.0 if depth.suffix.lower() == ".exr" else DEPTH_UNIT)
         files = files_of(color, depth, lens, pose, units, has_far=True)
         if "mask_path" in frame:
             files = replace(files, shown=partial(read_region, folder / frame.text("mask_path")))
-        yield prefix + color.stem, files
+        yield name, files
+
+
+def names_of(pictures: Sequence[Path]) -> list[str]:
+    """What frames are called by their pictures: where those of several folders have one name, as of rigs, by the folder, too."""
+    whole = [path.absolute() for path in pictures]
+    shared = os.path.commonpath([path.parent for path in whole])
+    below = {path: path.relative_to(shared).with_suffix("").as_posix().replace("/", "_") for path in whole}
+    several = len({path.stem for path in below}) < len(below)
+    return [below[path] if several else path.stem for path in whole]
 
 
 def list_entries(path: Path) -> list[tuple[FileFields, FileFields]]:
