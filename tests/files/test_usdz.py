@@ -55,6 +55,17 @@ def test_what_is_read_back_is_what_was_written(tmp_path: Path) -> None:
     assert {name: one.mode for name, one in pictures.items()} == {"opaque.jpg": "RGB", "soft1.png": "RGBA"}
 
 
+def test_colours_do_not_run_into_their_neighbours(tmp_path: Path) -> None:
+    """Oracle: the picture, red next to green as at an object's edge; a JPEG of half the chroma is 56 levels off there."""
+    pytest.importorskip("pxr.Usd", reason="usd-core is not installed (extra usd)")
+    picture = np.zeros((16, 16, 3), np.uint8)
+    picture[:, :7, 0], picture[:, 7:, 1] = 200, 200
+    write_usdz(tmp_path / "photo.usdz", [part(0, 3)._replace(picture=picture)])
+    with zipfile.ZipFile(tmp_path / "photo.usdz") as archive:
+        found = np.array(Image.open(io.BytesIO(archive.read("opaque.jpg"))), int)
+    assert np.abs(found - picture).mean(axis=(0, 2)).max() < 12
+
+
 def test_without_the_package_the_error_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The extra by name, and no file."""
     for name in ("pxr", "pxr.Usd"):

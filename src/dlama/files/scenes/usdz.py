@@ -47,7 +47,7 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
         set_up_stage(stage, middle)
         for number, part in enumerate(packed):
             name, ending = (f"soft{number}", "png") if part.soft else ("opaque", "jpg")
-            Pillow.fromarray(part.picture).save(folder / f"{name}.{ending}", quality=JPEG_QUALITY)
+            Pillow.fromarray(part.picture).save(folder / f"{name}.{ending}", quality=JPEG_QUALITY, subsampling=0)
             add_mesh(stage, name, part, middle, f"{name}.{ending}")
         stage.GetRootLayer().Save()
         whole = folder / "photo.usdz"
