@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import gzip
+import re
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from dlama.files.scenes.splats import FIELDS
+from dlama.files.scenes.splats import FIELDS, write_splats
 from dlama.files.scenes.spz import write_spz
 
 
@@ -75,6 +77,7 @@ def splats(count: int, reach: float) -> np.ndarray:
     return np.concatenate(list(parts.values()), 1)
 
 
+@pytest.mark.filterwarnings("ignore:a.spz. splats are moved")
 @pytest.mark.parametrize("reach, bits", [(0.3, 14), (500, 14), (1500, 12), (1e5, 6)])
 def test_what_is_read_is_what_was_written(tmp_path: Path, reach: float, bits: int) -> None:
     """Within half a step of each number; y and z change their signs, as OpenGL's axes do."""
@@ -102,3 +105,19 @@ def test_none_and_what_does_not_fit(tmp_path: Path) -> None:
     write_spz(tmp_path / "far.spz", rows)
     found = read_spz(tmp_path / "far.spz")
     assert np.allclose(found.points, (512, -512, -512), atol=1e-3) and np.allclose(found.sizes, 255 / 16 - 10)
+
+
+@pytest.mark.parametrize(("write", "off"), [(write_spz, 0.5), (write_splats, 0.25)])
+def test_a_far_origin_is_warned_of(
+    tmp_path: Path, write: Callable[[Path, np.ndarray], None], off: float, recwarn: pytest.WarningsRecorder
+) -> None:
+    """Oracle: half a step of 24 bits, and of float32, at 5,300 km (UTM); near the origin, and one far splat, are no matter."""
+    rows = splats(400, 2)
+    rows[:, 10:13], rows[0, 2] = np.log(0.01), 300
+    write(tmp_path / "near", rows)
+    assert not recwarn
+    rows[:, 1] += 5.3e6
+    write(tmp_path / "far", rows)
+    (warning,) = recwarn
+    assert "far: splats are moved by up to " in str(warning.message) and "5,300 km" in str(warning.message)
+    assert float(re.search(r"up to (\S+) m", str(warning.message))[1]) == pytest.approx(off, rel=0.05)  # type: ignore[index]

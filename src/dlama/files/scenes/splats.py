@@ -6,10 +6,13 @@ source are splats of less opacity. Axes are OpenCV's, as in COLMAP scenes that s
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 from plyfile import PlyData, PlyElement
 
+from dlama.errors import warn
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
@@ -36,6 +39,8 @@ SOURCE_SHARE = 2 / 3
 """Of the splats, which the source may take."""
 LEAST_SHARE = 0.02
 """Of a soft border: what is less opaque is left out."""
+MANY = 0.01
+"""Share of the splats from which their rounding is warned of."""
 FIELDS = (
     *"xyz", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
     "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
@@ -43,12 +48,23 @@ FIELDS = (
 
 
 def write_splats(path: PathLike, rows: np.ndarray) -> None:
-    """Write splats, N x len(FIELDS), of `scene_splats`. OutputError."""
+    """Write splats, N x len(FIELDS), of `scene_splats`; warns of a far origin. OutputError."""
+    warn_of_rounding(path, rows, rows[:, :3].astype("<f4"))
     vertex = np.empty(len(rows), [(name, "<f4") for name in FIELDS])
     for number, name in enumerate(FIELDS):
         vertex[name] = rows[:, number]
     with new_file(path) as draft:
         PlyData([PlyElement.describe(vertex, "vertex")], byte_order="<").write(str(draft))
+
+
+def warn_of_rounding(path: PathLike, rows: np.ndarray, stored: np.ndarray) -> None:
+    """Warn (UserWarning) where the positions of many splats (N x len(FIELDS)) are rounded, to N x 3, by more than their size."""
+    moved, sizes = np.abs(stored - rows[:, :3]).max(1), FIELDS.index("scale_0")
+    if np.count_nonzero(moved > np.exp(rows[:, sizes : sizes + 2]).max(1)) > MANY * len(rows):
+        warn(
+            f"{Path(path).name}: splats are moved by up to {moved.max():.2g} m, as the world's origin is "
+            f"{np.abs(rows[:, :3]).max() / 1000:,.0f} km away and the format has few bits; give poses near the origin"
+        )
 
 
 def scene_splats(scene: Scene, box: HeadBox) -> np.ndarray:

@@ -10,7 +10,7 @@ import struct
 import numpy as np
 
 from dlama.files.scenes.glb import GLTF_FROM_OPENCV
-from dlama.files.scenes.splats import FIELDS
+from dlama.files.scenes.splats import FIELDS, warn_of_rounding
 from dlama.writing.atomic_write import PathLike, write_file
 
 COLOR_SCALE = 0.15
@@ -23,7 +23,7 @@ def write_spz(path: PathLike, rows: np.ndarray) -> None:
     """Write splats (N x len(FIELDS), of `scene_splats`): positions to 24 bits, of rotations three numbers to 10, the rest to 8.
 
     Positions are exact to .03 mm up to 512 m from the origin; the error doubles with each doubling of the farthest coordinate.
-    OutputError.
+    Warns of a far origin. OutputError.
     """
     column = {name: number for number, name in enumerate(FIELDS)}
 
@@ -33,6 +33,7 @@ def write_spz(path: PathLike, rows: np.ndarray) -> None:
     points = take(*"xyz") * GLTF_FROM_OPENCV
     bits = max(0, min(FINEST, 22 - math.floor(math.log2(max(1.0, float(np.abs(points).max(initial=0)))))))
     fixed = np.clip(np.rint(points * 2**bits), 1 - 2**23, 2**23 - 1).astype("<i4", order="C")
+    warn_of_rounding(path, rows, fixed / 2**bits * GLTF_FROM_OPENCV)
     opacity = 255 / (1 + np.exp(-take("opacity")))
     color = take("f_dc_0", "f_dc_1", "f_dc_2") * (COLOR_SCALE * 255) + 127.5
     scales = (take("scale_0", "scale_1", "scale_2") + 10) * 16
