@@ -203,6 +203,19 @@ def test_other_versions_of_the_layouts(tmp_path: Path) -> None:
     check_frames(open_dataset(scannetpp(tmp_path / "scannetpp", video=True)), range_m=5)
 
 
+def test_early_recordings_of_stray_scanner(tmp_path: Path) -> None:
+    """Oracle: the world; bare poses and millimetres as NPY, as the reader of that time has them (StrayVisualizer, load_depth)."""
+    root = stray(tmp_path / "stray", lens_in_rows=False)
+    undo_low_confidence(root, "stray-scanner")
+    rows = [line.split(", ")[2:] for line in (root / "odometry.csv").read_text().splitlines()]
+    (root / "odometry.csv").write_text("\n".join(", ".join(row) for row in rows))
+    for path in (root / "depth").iterdir():
+        with Image.open(path) as picture:
+            np.save(path.with_suffix(".npy"), np.array(picture))
+        path.unlink()
+    check_frames(open_dataset(root), range_m=5)
+
+
 @pytest.mark.parametrize("packing", ["lz4", "zlib", "whole"])
 def test_packed_depth_of_scannetpp(tmp_path: Path, packing: str) -> None:
     """All three ways in which prepare_iphone_data.py unpacks depth.bin."""
