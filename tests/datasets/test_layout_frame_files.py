@@ -89,7 +89,7 @@ def test_where_a_camera_lies(tmp_path: Path) -> None:
         (
             write_scannet(tmp_path / "a"),
             "intrinsic/intrinsic_color.txt",
-            r"has no intrinsic/intrinsic_color\.txt, and .*",
+            r"has no intrinsic/intrinsic_color\.txt or intrinsics_color\.txt, and .*",
         ),
         (write_replica(tmp_path / "b"), "cam_params.json", r"no cam_params\.json; "),
     ):
@@ -167,6 +167,13 @@ def test_intrinsics_with_skew(tmp_path: Path) -> None:
     (root / "camera-intrinsics.txt").write_text("90 1 40\n0 90 30\n0 0 1\n")
     with pytest.raises(CameraError, match=r"camera-intrinsics\.txt: K is .*no skew"):
         open_dataset(root)
+
+
+def test_the_frames_of_scannet_s_benchmark(tmp_path: Path) -> None:
+    """Oracle: the world; scannet_frames_25k has K next to the folders."""
+    root = write_scannet(tmp_path / "scene0000_00", 2)
+    (root / "intrinsic/intrinsic_color.txt").rename(root / "intrinsics_color.txt")
+    assert open_dataset(tmp_path).frames[0].load().camera.same_lens_as(LENS)
 
 
 def test_frames_that_lack_something_are_left_out_and_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -16,13 +16,13 @@ from dlama.datasets.posed.posed_frames import Listed, files_of
 from dlama.datasets.text_tables import files_by_stem, files_in, holds, pose_at, read_matrix
 
 looks_like = holds("color", "depth", "pose")
+INTRINSICS = ("intrinsic/intrinsic_color.txt", "intrinsics_color.txt")
+"""As the reader of .sens files exports them, and as scannet_frames_25k has them."""
 
 
 def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
-    lens = lens_for(
-        folder, root, camera, ("intrinsic/intrinsic_color.txt",), "no other file says where colours are seen from"
-    )
+    lens = lens_for(folder, root, camera, INTRINSICS, "no other file says where colours are seen from")
     colors = files_by_stem(folder / "color", (".jpg", ".jpeg", ".png"))
     for path in files_in(folder / "pose", (".txt",)):
         name = path.stem
