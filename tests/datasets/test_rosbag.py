@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dlama.datasets.captures.ros_messages import Transforms
+from dlama.datasets.captures.ros_messages import Transforms, depth_of
 from dlama.datasets.captures.rosbag import Bag
 from dlama.datasets.diagnosis import diagnose
 from dlama.datasets.layouts import detect, open_dataset
@@ -91,6 +91,15 @@ def test_frames_are_those_of_the_world(tmp_path: Path, kind: str) -> None:
     inside = next(each for each in (path, *path.glob("*.db3"), *path.glob("*.mcap")) if each.is_file())
     assert len(open_frames(inside)) == 4
     assert "layout rosbag, 4 frames" in diagnose(inside)[-1].what
+
+
+def test_depth_that_is_packed_otherwise_is_named() -> None:
+    """Oracle: by hand; compressed_depth_image_transport writes RVL, too, which is not read."""
+    message = SimpleNamespace(format="16UC1; compressedDepth rvl", data=bytes(range(80)))
+    with pytest.raises(
+        FileError, match=r"^a\.bag, /d, 16UC1; compressedDepth rvl: is damaged, or not .* are expected$"
+    ):
+        depth_of(message, "a.bag, /d")
 
 
 @pytest.mark.parametrize("packing", ["float", "packed", "quantised"])

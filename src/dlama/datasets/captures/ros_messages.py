@@ -77,7 +77,7 @@ def is_color(message: Any) -> bool:
 def color_of(message: Any, where: str) -> UInt8Array:
     """H x W x 3 RGB. FileError, which begins with `where`."""
     if not hasattr(message, "encoding"):
-        return np.asarray(picture_of_bytes(bytes(message.data), where).convert("RGB"))
+        return np.asarray(picture_of_bytes(bytes(message.data), f"{where}, {message.format}").convert("RGB"))
     channels, code = COLORS[message.encoding]
     pixels = _pixels(message, np.uint8, channels, where)
     return np.asarray(pixels if code is None else cv2.cvtColor(pixels, code), np.uint8)
@@ -89,7 +89,7 @@ def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Arra
         codes = _pixels(message, DEPTHS[message.encoding], 1, where)[..., 0]
     else:
         data = bytes(message.data)
-        codes = np.asarray(picture_of_bytes(data[DEPTH_HEADER:], where))
+        codes = np.asarray(picture_of_bytes(data[DEPTH_HEADER:], f"{where}, {message.format}"))
         if message.format.strip().startswith("32FC1"):
             _, a, b = struct.unpack("<iff", data[:DEPTH_HEADER])
             known = codes > 0

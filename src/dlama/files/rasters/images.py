@@ -222,8 +222,11 @@ def open_heif(file: Path, source: Path | io.BytesIO, **options: bool) -> Any:
 
 def picture_of_bytes(data: bytes, where: str) -> Image.Image:
     """A JPEG or PNG, decoded. FileError, which begins with `where`: it is damaged, of another kind or too large."""
-    with any_error(FileError, f"{where}: is damaged, or not packed as JPEG or PNG"):
-        picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
+    with any_error(FileError, f"{where}: is damaged"):
+        try:
+            picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
+        except Image.UnidentifiedImageError:  # whose text is an address in memory
+            raise FileError(f"{where}: is damaged, or not packed as JPEG or PNG, which are expected") from None
         check_pixels(where, *picture.size)
         picture.load()
         return picture
