@@ -61,6 +61,16 @@ def test_a_cut_wall_goes_on_under_a_straight_roof_line(yaw: float) -> None:
     assert same[hole & (shape == 1)].mean() > 0.95
 
 
+def test_a_world_of_a_thousand_times_the_size_is_filled_alike() -> None:
+    """Law: depth scales with the world: a front 6 km away is continued as one 6 m away, to 1e-3, in all but 0.1 % of the hole."""
+    large = Plane((0, 1000, 0), (0, 1, 0)), Box((-40e3, -1200, 6000), (40e3, 1000, 7000))
+    before, filled, *_ = turned((FLOOR, FRONT), 25)
+    other = turned(large, 25)[1]
+    with np.errstate(invalid="ignore"):
+        same = (filled.far & other.far) | (np.abs(other.depth / 1000 - filled.depth) < 1e-3 * filled.depth)
+    assert same[before.hole].mean() > 0.999
+
+
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_cut_pole_ends_before_the_wall_behind_it(side: int) -> None:
     """Law: a pole of which the border leaves 9 px continues for less than 1.6 times that; the wall behind it continues

@@ -18,7 +18,6 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.surface_labels import (
     IN_FRONT,
-    LEAST_INVERSE_DEPTH,
     CoarseView,
     mean_chords,
 )
@@ -46,7 +45,7 @@ def test_a_wall_does_not_go_on_below_the_ground_it_meets() -> None:
     order = coarse.out_of_order()
     floor, wall = (1 + int(np.bincount(coarse.label[~coarse.hole & (number == n)]).argmax()) for n in (0, 1))
     for back, front in ((wall, floor), (floor, wall)):
-        behind = coarse.candidates[front] > IN_FRONT * coarse.candidates[back] + LEAST_INVERSE_DEPTH
+        behind = coarse.candidates[front] > IN_FRONT * coarse.candidates[back] + coarse.horizon
         np.testing.assert_array_equal(order[back - 1], behind & coarse.hole)
         assert order[back - 1].sum() > 200
     assert not order[SKY].any()
@@ -59,7 +58,7 @@ def test_a_wall_seen_above_a_box_is_not_out_of_order_behind_it() -> None:
     wall = 1 + int(np.bincount(coarse.label[~coarse.hole & (number == 1)].clip(0)).argmax())
     faces = [k for k, value in enumerate(coarse.candidates) if k > 1 and abs(value[0, 0] * 3 - 1) < 0.02]
     assert len(faces) == 1
-    alone = coarse.candidates[faces[0]] > IN_FRONT * coarse.candidates[wall] + LEAST_INVERSE_DEPTH
+    alone = coarse.candidates[faces[0]] > IN_FRONT * coarse.candidates[wall] + coarse.horizon
     assert (alone & coarse.hole & ~coarse.out_of_order()[wall - 1])[20:40].any()
 
 

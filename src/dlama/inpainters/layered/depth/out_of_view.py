@@ -49,6 +49,9 @@ ENDING_COST = 1.0
 """Largest cost of a surface out of view that should have ended; it grows twice as fast as the cost of distance."""
 CROWN_COST = 3.0
 """Cost of no plane next to foliage that the border cuts: foliage extends as its circle."""
+HORIZON, BEYOND = 1e-3, 0.1
+"""Inverse depth at which planes end: 1 km; where known cells are nearly as far or farther, at this share of their least inverse
+depth (1st percentile). Beyond is horizon."""
 CUT_CELLS = 3
 """A plane with so many known cells next to the hole out of view is cut by the border."""
 
@@ -74,6 +77,12 @@ class CoarseCells:
     def unseen(self) -> BoolArray:
         """h x w, True in the part of the hole that is out of the source's view."""
         return self.hole & ~self.hole_in_view
+
+    @cached_property
+    def horizon(self) -> float:
+        """Inverse depth (1/m) at which planes end."""
+        known = self.inverse_depth[~self.hole & (self.inverse_depth > 0)]
+        return min(HORIZON, BEYOND * float(np.quantile(known, 0.01))) if known.size else HORIZON
 
     @cached_property
     def near_unseen(self) -> BoolArray:
@@ -135,7 +144,7 @@ def seen_on_lines(
     height, width = (-(-size // stride) for size in cells.hole.shape)
     first = np.full((len(lines.planes), height, width), -1, np.float32)
     found = Found(first, np.zeros_like(first), np.zeros(first.shape, np.int8))
-    directions = Directions(lines.planes, towards, followed)
+    directions = Directions(lines.planes, towards, followed, cells.horizon)
     over = Cells(cells.inverse_depth, cells.label, cells.hole, lines.past, lines.away)
     in_bands(line_rows, height, directions, over, asking, stride, found, band=8)
     return found

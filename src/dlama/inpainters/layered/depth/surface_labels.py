@@ -63,8 +63,6 @@ OUT_OF_ORDER = 0.02
 """Largest share of a surface's known cells behind a plane that counts as never: noise, wrong labels."""
 LEAST_CELLS = 50
 """Least number of known cells that define the order of surfaces."""
-LEAST_INVERSE_DEPTH = 1e-3
-"""Planes end at 1 km: beyond it they are horizon."""
 CHORD = 25.0
 """Geometric mean of a solid plane's mean visible runs along rows and columns, in cells, at least."""
 FAR_SAMPLES = 256
@@ -127,7 +125,7 @@ class CoarseView(CoarseCells):
         shown = np.unique(self.label[~self.hole])
         for number, value in enumerate(self.candidates):
             seen = number == 0 or number - 1 in shown or (number == 1 and context.sky is not None)
-            possible = value > LEAST_INVERSE_DEPTH if number > 1 else value >= 0
+            possible = value > self.horizon if number > 1 else value >= 0
             if number == 0:
                 possible = value > 0
             out[number] = possible & seen
@@ -149,8 +147,8 @@ class CoarseView(CoarseCells):
             return out
         far = context.law.of_far()
         for k in np.flatnonzero(followed):
-            there = self.hole & (self.candidates[k + 2] > LEAST_INVERSE_DEPTH)
-            depth = LEEWAY / np.maximum(self.candidates[k + 2], np.float32(LEAST_INVERSE_DEPTH))
+            there = self.hole & (self.candidates[k + 2] > self.horizon)
+            depth = LEEWAY / np.maximum(self.candidates[k + 2], np.float32(self.horizon))
             out[k] = far.violations(self.camera, depth.astype(np.float32), there)
         return out
 
@@ -166,7 +164,7 @@ class CoarseView(CoarseCells):
             if seen.sum() < LEAST_CELLS:
                 continue
             for front in range(1, len(out)):
-                before = self.candidates[front + 1] > IN_FRONT * self.candidates[back + 1] + LEAST_INVERSE_DEPTH
+                before = self.candidates[front + 1] > IN_FRONT * self.candidates[back + 1] + self.horizon
                 if front != back and before[seen].mean() < OUT_OF_ORDER:
                     out[back] |= before
         return out & self.hole_in_view

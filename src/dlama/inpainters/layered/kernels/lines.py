@@ -42,6 +42,8 @@ class Directions(NamedTuple):
     """K x 3, homogeneous vanishing point of each plane's lines."""
     followed: BoolArray
     """K, the planes that are looked for."""
+    horizon: Real
+    """Inverse depth (1/m) at which planes end."""
 
 
 class Found(NamedTuple):
@@ -67,11 +69,12 @@ def shown_at(cells: Cells, own: Whole, r: Whole, c: Whole, value: Real) -> Whole
 
 @piece
 def follow_line(
-    cells: Cells, plane: Float64Array, own: Whole, row: Real, column: Real, dr: Real, dc: Real
+    cells: Cells, directions: Directions, number: Whole, row: Real, column: Real, dr: Real, dc: Real
 ) -> tuple[Real, Real]:
-    """(first, length): cells to the plane along a line, and the length over which it is seen. Length 0: the line looks behind
-    it; first -1: undecided."""
+    """(first, length): cells to plane `number` along a line, and the length over which it is seen. Length 0: the line looks
+    behind it; first -1: undecided."""
     hole, past, away = cells.hole, cells.past, cells.away
+    plane, own = directions.planes[number], number + 1
     height, width = hole.shape
     y, x = np.float64(row), np.float64(column)
     jump = 1.0
@@ -83,7 +86,7 @@ def follow_line(
         steps += size
         r, c = np.int64(math.floor(y + 0.5)), np.int64(math.floor(x + 0.5))
         value = plane[0] * x + plane[1] * y + plane[2]
-        if r < 0 or c < 0 or r >= height or c >= width or value <= 1e-3:
+        if r < 0 or c < 0 or r >= height or c >= width or value <= directions.horizon:
             break
         if hole[r, c] and not past[own - 1, r, c]:
             jump = np.float64(away[own - 1, r, c]) - 1.5
@@ -122,7 +125,7 @@ def line_rows(
     out: Found,
 ) -> None:
     """Rows of `seen_on_lines` (depth/out_of_view). asking: h x w, cells of which every stride-th is queried."""
-    planes, towards, followed = directions
+    planes, towards, followed, horizon = directions
     first, length, ways = out
     for row in range(begin, end):
         for column in range(first.shape[2]):
@@ -130,7 +133,7 @@ def line_rows(
             if not asking[y, x]:
                 continue
             for k in range(len(planes)):
-                if not followed[k] or planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] <= 1e-3:
+                if not followed[k] or planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] <= horizon:
                     continue
                 dc, dr = towards[k, 0] - towards[k, 2] * x, towards[k, 1] - towards[k, 2] * y
                 size = math.sqrt(dc * dc + dr * dr)
@@ -138,7 +141,7 @@ def line_rows(
                     continue
                 dc, dr = dc / size, dr / size
                 for _way in range(2):
-                    found, seen = follow_line(cells, planes[k], k + 1, y, x, dr, dc)
+                    found, seen = follow_line(cells, directions, k, y, x, dr, dc)
                     if seen > 0:
                         ways[k, row, column] += 1
                     if found > 0 and (first[k, row, column] < 0 or found < first[k, row, column]):
