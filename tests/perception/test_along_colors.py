@@ -13,7 +13,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.along_colors import DEAREST, STEP, DepthCost, nearest_by_color
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.kernels.relaxation import JUMP, POWER, SOFT, conductances, relax
-from dlama.perception.missing_depth import fill_along_colors
+from dlama.perception.missing_depth import fill_along_colors, relax_depth
 from dlama.perception.planes import SKY, SMOOTH, KnownSurfaces
 
 WIDTH, HEIGHT = 192, 144
@@ -95,6 +95,17 @@ def test_what_lies_on_no_plane_is_relaxed_to_the_minimum() -> None:
                 right[n] += weight * begin[v, u]
     np.testing.assert_allclose(values[free], np.linalg.solve(matrix, right), rtol=1e-4)
     np.testing.assert_array_equal(values[~free], begin[~free])
+
+
+def test_far_depth_is_relaxed_as_near_depth_is() -> None:
+    """Law: inverse depth scales with the world, bit for bit by a power of two."""
+    rng = np.random.default_rng(2)
+    near = rng.uniform(0.5, 1, (24, 32)).astype(np.float32)
+    color, loose = rng.uniform(0, 8, (24, 32, 3)).astype(np.float32), rng.random((24, 32)) < 0.8
+    far = near / np.float32(1024)
+    relax_depth(near, loose, color)
+    relax_depth(far, loose, color)
+    np.testing.assert_array_equal(far * np.float32(1024), near)
 
 
 def test_only_missing_depth_is_reached_and_the_sky_stays_far() -> None:

@@ -29,6 +29,8 @@ RIM_PX = 4
 """Width of the rim of measured surfaces that does not extend along colours where there is sky; single readings have none."""
 MOST = 3.0
 """Largest ratio of depths between a plane and its known pixel."""
+SETTLED = 3e-4
+"""Largest change in a sweep of `relax`, over the median inverse depth, that counts as none."""
 AT_ONCE = 8
 """Sweeps of `relax` that run together."""
 PIECE = 1 << 16
@@ -98,17 +100,20 @@ def fill_along_colors(
 def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> None:
     """Relax the `loose` pixels (H x W) of inverse depth (H x W, 1/m) towards their neighbours, less across picture edges.
 
-    In 80 sweeps at most, or until none changes by 1e-4 / m. color: H x W x 3.
+    In 80 sweeps at most, or until none changes by SETTLED. color: H x W x 3.
     """
+    if not loose.any():
+        return
     across, down, begin = np.empty_like(w), np.empty_like(w), w.copy()
     in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), begin, color)
     starts = np.concatenate([[0], loose.sum(1).cumsum()])
     columns = np.flatnonzero(loose) % w.shape[1]
+    least = SETTLED * float(np.median(begin[loose]))
     to_relax = across, down, starts, columns, np.float32(0.01), begin, w
     for _ in range(0, 80, AT_ONCE):
         before, changes = w[loose], np.empty(AT_ONCE)
         relax(*to_relax, changes)
-        settled = np.flatnonzero(changes < 1e-4)
+        settled = np.flatnonzero(changes < least)
         if settled.size:  # those after it were too many
             w[loose] = before
             relax(*to_relax, changes[: settled[0] + 1])
