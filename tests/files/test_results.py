@@ -148,7 +148,7 @@ def test_only_what_is_asked_for_is_written(
         ({"only": "picture"}, "only is 'picture'"),
         ({"only": ()}, ", ".join(RESULTS)),
         ({"also": ["scenes"]}, "also is 'scenes'; names of image"),
-        ({"also": "mask"}, "also names mask"),
+        ({"also": "mask"}, "also names mask, and mask is not given"),
     ],
 )
 def test_unknown_results_list_the_known(

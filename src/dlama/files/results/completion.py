@@ -92,7 +92,7 @@ def write(
     names = check_results(only, also)
     if "mask" in names and mask is None:
         raise InputError(
-            f"`{'also' if 'mask' in also else 'only'}` names mask, and no object was removed whose mask it would be"
+            f"`{'also' if 'mask' in also else 'only'}` names mask, and `mask` is not given; bool H x W is expected"
         )
     target, started, inputs = Path(directory), time.perf_counter(), inputs or {}
     files = file_names(completion, names)
