@@ -121,6 +121,17 @@ def test_a_target_that_sees_nothing_says_so(recipe: str) -> None:
     assert both.views[0].hole.all() and not both.views[1].hole.any()
 
 
+@pytest.mark.parametrize("yaw", [0, 5])
+def test_a_removal_that_leaves_no_depth_says_so(yaw: float) -> None:
+    """Closed form: a depth camera reached the object alone; the warning names that, not the camera's place."""
+    mask = np.zeros((12, 16), bool)
+    mask[4:8, 5:10] = True
+    frame = RGBD(np.full((12, 16, 3), 99, np.uint8), np.where(mask, np.float32(2), 0), Camera.from_fov(16, 12, 60))
+    with pytest.warns(UserWarning, match="no pixel next to the removed object has a depth, so nothing could be filled"):
+        done = remove(frame, mask, yaw=yaw, filler="telea")
+    assert done.view.hole.all() and done.meta["nothing_visible"] is True
+
+
 @fillers
 @recipes
 @pytest.mark.parametrize("metres", [0, np.inf])

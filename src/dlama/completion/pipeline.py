@@ -78,7 +78,7 @@ def complete(
     make_room(source.camera.width * source.camera.height)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     grown, first = [one.grown for one in completed], scene.frames[0].load()
-    warn_of_nothing(source.depth, views, grown)
+    warn_of_nothing(source.depth, views, grown, scene)
     if mask is None:
         warn_of_unknown(source.camera, source.depth, warped)
     meta = meta_data(start.plan, first, warped, fills, clock.seconds, start.mask, grown)

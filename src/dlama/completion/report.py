@@ -20,6 +20,7 @@ from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.frames.removal import NO_DILATION, Dilation
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, Float32Array, UInt8Array, is_valid
+from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport
 from dlama.progress import begin_stage
@@ -170,15 +171,17 @@ def warn_of_disparity(rgbd: RGBD) -> None:
         )
 
 
-def warn_of_nothing(depth: Float32Array, views: Sequence[View], holes: Sequence[Dilation]) -> None:
+def warn_of_nothing(depth: Float32Array, views: Sequence[View], holes: Sequence[Dilation], scene: Scene) -> None:
     """Completed views that show nothing, although the depth (H x W) is none that `warn_of_scale` names. holes: how each one's
-    hole grew."""
+    hole grew; scene: the completed one."""
     empty = [number for number, view in enumerate(views) if view.hole.all()]
     if not empty or median_depth(depth) < PLAUSIBLE_M[0]:
         return
     which = f" {', '.join(str(number + 1) for number in empty)} of {len(views)}" if len(views) > 1 else ""
     if any(holes[number].known_pixels_given_up for number in empty):
         warn(f"`dilate_holes` leaves nothing of the view{which}, so nothing could be filled; fewer pixels are expected")
+    elif all(frame.load().hole.all() for frame in scene.frames):
+        warn("no pixel next to the removed object has a depth, so nothing could be filled; depth around it is expected")
     else:
         warn(f"nothing of the scene is visible from the camera{which}, so nothing could be filled; {AXES}")
 
