@@ -17,6 +17,7 @@ from PIL import Image
 
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.cameras import camera_as_json, camera_for, read_camera, read_cameras, read_stereo_calib, write_camera
+from dlama.files.results.meta_json import describe_source
 from dlama.geometry.camera import Camera
 
 TURN = np.array([[0, 0, 1, 0.1], [0, 1, 0, -2], [-1, 0, 0, 1e6 + 0.123456789], [0, 0, 0, 1.0]])
@@ -72,6 +73,13 @@ def test_pixel_center_moves_the_principal_point(tmp_path: Path) -> None:
     none = read_camera(saved(tmp_path / "n.json", "\ufeff" + json.dumps(noted)))
     assert (zero.cx, zero.cy) == (320, 240) and (half.cx, half.cy) == (none.cx, none.cy) == (319.5, 239.5)
     assert (zero.fx, zero.fy) == (500, 510) and np.array_equal(zero.world_from_cam, np.eye(4))
+
+
+def test_the_meta_json_of_a_3d_photo_has_the_camera_of_its_picture(tmp_path: Path) -> None:
+    """Round trip: it has no view of its own, and so neither `cameras` nor `camera`."""
+    meta = describe_source(read_camera(saved(tmp_path / "c.json", PLAIN)), "camera c.json")
+    back = read_camera(saved(tmp_path / "meta.json", meta), hw=(480, 640))
+    assert {**camera_as_json(back), "intrinsics_from": "camera c.json"} == meta["source_camera"]
 
 
 def changed(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:

@@ -80,9 +80,9 @@ def read_camera_fields(path: PathLike) -> FileFields:
         size = {name: fields.values[name] for name in ("width", "height") if name in fields}
         K = np.reshape(fields.numbers("intrinsic_matrix", 9), (3, 3)).T.tolist()
         return FileFields(path, {"K": K, "pixel_center": 0.0, **size})
-    if "dlama" in fields:  # a meta.json: the camera of image.png, or of estimated depth
-        cameras = fields.entries("cameras", "cameras") if "cameras" in fields else [fields.values.get("camera")]
-        fields = fields.part("camera", cameras[-1])
+    if "dlama" in fields:  # a meta.json: the camera of image.png, of estimated depth, or of a 3-D photo's picture
+        own = fields.values.get("camera", fields.values.get("source_camera"))
+        fields = fields.part("camera", fields.entries("cameras", "cameras")[-1] if "cameras" in fields else own)
     intrinsics_in(fields)  # what is missing is an error, before a field that is misspelt is warned of
     fields.warn_of_unknown(CAMERA_FIELDS)
     return fields
