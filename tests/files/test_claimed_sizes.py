@@ -108,3 +108,14 @@ def test_names_that_no_file_has(tmp_path: Path, name: str) -> None:
         read_color(tmp_path / name)
     assert str(refusal.value).isprintable()
     str(refusal.value).encode("utf-8")
+
+
+def test_a_sound_picture_that_is_too_large_is_not_called_damaged(tmp_path: Path) -> None:
+    """16320 x 12240, which phones take, is beyond what Pillow opens, too (oracle: the message of 9000 x 8000, which it opens)."""
+    reasons = []
+    for size in ((9000, 8000), (16320, 12240)):
+        (tmp_path / "big.png").write_bytes(png(*size))
+        with pytest.raises(FileError, match=r"big\.png: says it holds") as refused:
+            picture_hw(tmp_path / "big.png")
+        reasons.append(str(refused.value).partition(" pixels; ")[2])
+    assert reasons == ["at most 67 million are read, scale it down"] * 2

@@ -112,10 +112,20 @@ def printable_name(path: PathLike) -> str:
 def check_pixels(file: PathLike, width: int, height: int) -> None:
     """Raise FileError where a file says it holds more pixels than are read, before memory is taken for them."""
     if width * height > LARGEST_PIXELS:
-        raise FileError(
-            f"{file}: says it holds {width}x{height} pixels; at most {LARGEST_PIXELS / 1e6:.0f} million are read, "
-            "scale it down"
-        )
+        raise _too_many_pixels(file, f"{width}x{height}")
+
+
+def _too_many_pixels(file: PathLike, pixels: str) -> FileError:
+    limit = f"{LARGEST_PIXELS / 1e6:.0f} million"
+    return FileError(f"{file}: says it holds {pixels} pixels; at most {limit} are read, scale it down")
+
+
+def _open_picture(file: PathLike, source: Path | io.BytesIO, formats: tuple[str, ...]) -> Image.Image:
+    """Pillow's picture before its pixels are read. FileError where Pillow counts too many: it does not say how wide and high."""
+    try:
+        return Image.open(source, formats=formats)
+    except Image.DecompressionBombError as error:
+        raise _too_many_pixels(file, f"more than {2 * (Image.MAX_IMAGE_PIXELS or 0) / 1e6:.0f} million") from error
 
 
 @system_errors(FileError)
@@ -195,7 +205,7 @@ def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
         # Pillow loads the forty others where the first is not this file's
         formats = (first, "PNG", "JPEG", "WEBP", "TIFF")
         try:
-            opened = _heic(file) if HEIC.match(head) else Image.open(source, formats=formats)
+            opened = _heic(file) if HEIC.match(head) else _open_picture(file, source, formats)
         except Image.UnidentifiedImageError as error:
             raise FileError(
                 f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_describe_file(file)}"
@@ -224,7 +234,7 @@ def picture_of_bytes(data: bytes, where: str) -> Image.Image:
     """A JPEG or PNG, decoded. FileError, which begins with `where`: it is damaged, of another kind or too large."""
     with any_error(FileError, f"{where}: is damaged"):
         try:
-            picture = Image.open(io.BytesIO(data), formats=("JPEG", "PNG"))
+            picture = _open_picture(where, io.BytesIO(data), ("JPEG", "PNG"))
         except Image.UnidentifiedImageError:  # whose text is an address in memory
             raise FileError(f"{where}: is damaged, or not packed as JPEG or PNG, which are expected") from None
         check_pixels(where, *picture.size)
