@@ -55,6 +55,19 @@ def test_a_list_its_rerun_and_its_page(jobs: str, capsys: pytest.CaptureFixture[
     assert "no such file" in Path("out/report.html").read_text(encoding="utf-8")
 
 
+def test_an_address_is_no_folder_here(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """-o memory://... goes to that file system, with both slashes, and file:// to its path (oracle: what lies there)."""
+    memory = pytest.importorskip("fsspec").filesystem("memory")
+    Path("bad.csv").write_text("id,verb\nbad,view\n")
+    here = Path.cwd()
+    for place, shown in (("memory://bucket/out", "memory://bucket/out"), (f"file://{here}/out", f"{here}/out")):
+        with pytest.raises(SystemExit):
+            main(["batch", "bad.csv", "-o", place, "--workers", "1"])
+        assert capsys.readouterr().out.splitlines()[-1].split() == ["rows", f"{shown}/manifest.csv"]
+    assert memory.exists("/bucket/out/manifest.csv") and Path("out/manifest.csv").is_file()
+    assert not [path for path in here.iterdir() if path.name.endswith(":")]
+
+
 def test_a_dry_run_runs_nothing(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The first jobs as they would run, defaults filled in; no folder is made."""
     main(["batch", jobs, "--dry-run", "--fov", "60", "--only", "image,depth"])

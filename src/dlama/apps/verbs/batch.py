@@ -99,7 +99,7 @@ def batch(
     words: Positional[Annotated[tuple[str, ...], option("[JOBS | report OUT]")]] = (),
     /,
     *,
-    output: Annotated[Path | None, option("DIR", "needed to run", aliases=["-o"])] = None,
+    output: Annotated[str | None, option("DIR", "needed to run", aliases=["-o"])] = None,
     which: Which,
     running: Running,
     defaults: Annotated[Defaults, Together],
@@ -110,7 +110,7 @@ def batch(
     Args:
         words: The list: CSV, JSONL or Parquet with id, verb and the verb's options by their names (image, depth, yaw, ...), paths
             from its folder. All other options here hold for every job whose verb has them. `report OUT` makes OUT/report.html.
-        output: Results go to DIR/ID/, and DIR/manifest.csv has a row for each job.
+        output: Results go to DIR/ID/, and DIR/manifest.csv has a row for each job. An address (s3://bucket/out) is taken, too.
     """
     if words[:1] == ("report",):
         write_page(words[1:], report)
@@ -124,15 +124,17 @@ def batch(
             return
         if output is None:
             raise InputError("`output` is missing; a directory for the results is expected: -o DIR")
-        listed = Path(local_path(words[0])) if words and not is_address(words[0]) else None
-        check_folder_apart(output, {"folder of frames": which.data, "list of jobs": listed})
+        place = output if is_address(output) else Path(local_path(output))  # Path makes s3:/ of s3://
+        if isinstance(place, Path):
+            listed = Path(local_path(words[0])) if words and not is_address(words[0]) else None
+            check_folder_apart(place, {"folder of frames": which.data, "list of jobs": listed})
         options = {name: value for name, value in vars(running).items() if name != "dry_run"}
         options |= {} if which.data else given  # a data set's jobs have theirs
         totals = Totals()
         with show_progress(report, totals) as progress:
-            for row in dlama.batch(jobs, output, verb=which.verb, progress=progress, **options):
+            for row in dlama.batch(jobs, place, verb=which.verb, progress=progress, **options):
                 totals.add(row)
-        result.add("\n".join(totals.lines(str(output))), **totals.values(str(output)))
+        result.add("\n".join(totals.lines(str(place))), **totals.values(str(place)))
     if totals.failed:
         raise SystemExit(FAILED)
 
