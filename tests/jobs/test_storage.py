@@ -93,6 +93,15 @@ def test_all_of_it_elsewhere(tmp_path: Path, root: str) -> None:
     assert sorted(left) == ["image.png", "meta.json"]
 
 
+def test_what_is_not_there_is_named_as_missing(memory: Any) -> None:
+    """A list, and an input, that the store does not hold (oracle: the words of a local list)."""
+    lost = "memory://in/lost.csv: cannot be read: no such file or directory"
+    with pytest.raises(FileError, match=f"^{lost}$"), open_to_read("memory://in/lost.csv"):
+        pass
+    with pytest.raises(FileError, match=f"^{lost}$"), fetch({"image": "memory://in/lost.csv"}):
+        pass
+
+
 def test_the_marker_comes_last(tmp_path: Path, memory: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever file fails, there is no meta.json, so there is no result; the next attempt makes it whole (oracle: the store)."""
     folder = tmp_path / "result"

@@ -6,6 +6,7 @@ Local paths need nothing; addresses go through fsspec, which knows S3, Google Cl
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import shutil
 import tempfile
@@ -55,7 +56,7 @@ def open_to_read(path: str, mode: str = "r") -> Iterator[IO[Any]]:
     except OSError as error:
         if isinstance(error, (FileError, OutputError)):
             raise
-        raise FileError(f"{path}: cannot be read: {(error.strerror or first_line(error)).lower()}") from error
+        raise FileError(f"{path}: cannot be read: {_why_unread(error)}") from error
 
 
 def file_stamp(path: str) -> str:
@@ -85,8 +86,15 @@ def fetch(files: Mapping[str, str]) -> Iterator[dict[str, Path]]:
                 system, inside = file_system(path)
                 system.get_file(inside, str(places[role]))
             except (OSError, ValueError) as error:
-                raise FileError(f"{path}: cannot be read: {first_line(error)}") from error
+                raise FileError(f"{path}: cannot be read: {_why_unread(error)}") from error
         yield places
+
+
+def _why_unread(error: OSError | ValueError) -> str:
+    """In words; of a file that is not there fsspec gives the name alone."""
+    if isinstance(error, FileNotFoundError):
+        return os.strerror(errno.ENOENT).lower()
+    return first_line(error) if isinstance(error, ValueError) else (error.strerror or first_line(error)).lower()
 
 
 @dataclass(frozen=True)
