@@ -91,3 +91,11 @@ def test_the_page_has_pictures_and_failures(tmp_path: Path) -> None:
         assert picture.size == (64, 48)
     with pytest.raises(FileError, match="holds no results of `dlama batch`"):
         write_report(tmp_path)
+
+
+def test_an_address_without_results_is_refused() -> None:
+    """As a folder without them is, and nothing is written there (oracle: the store)."""
+    memory = pytest.importorskip("fsspec").filesystem("memory")
+    with pytest.raises(FileError, match=r"^memory://lost/out: holds no results of `dlama batch`"):
+        write_report("memory://lost/out")
+    assert not memory.exists("/lost")

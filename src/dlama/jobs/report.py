@@ -135,7 +135,7 @@ def write_report(out: PathLike) -> str:
     """
     place = str(out)
     output = Output(place)
-    if not output.is_remote and not Path(local_path(place), FOLDER).is_dir():
+    if not output.names(FOLDER):
         raise FileError(f"{place}: holds no results of `dlama batch`; there is no folder {FOLDER} in it")
     page = template("batch.html", "batch")
     with Manifest(output, read_only=True) as manifest:
