@@ -91,6 +91,13 @@ def test_only_pages_of_this_server_are_answered(server: Server) -> None:
     assert len(server.visits) == 0
 
 
+def test_what_is_no_host_is_answered(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
+    """A host that no URL can have gets 400, and the terminal shows no traceback (oracle: RFC 9112, 3.2)."""
+    assert ask(server, "GET", "/", Host="[bad")[0] == 400
+    assert ask(server, "POST", "/api/visit", b"{}", X_Dlama_Visit="", Host="[bad")[0] == 400
+    assert not capsys.readouterr().err
+
+
 def test_a_token_is_asked_for(temporary: Path) -> None:
     """With one, nothing is answered without it; its address sets a cookie that opens the page."""
     with pytest.raises(InputError, match="give token"), open_server("0.0.0.0", 0, None, Limits()):

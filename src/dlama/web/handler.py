@@ -78,6 +78,18 @@ class Handler(BaseHTTPRequestHandler):
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing of what visitors do is written down."""
 
+    def parse_request(self) -> bool:
+        """As the standard library's; an address or a host that is none, as scanners of networks send, is refused, too."""
+        if not super().parse_request():
+            return False
+        try:
+            urlsplit(self.path)
+            urlsplit(f"//{self.headers.get('Host', '')}")
+        except ValueError:
+            self.send_error(HTTPStatus.BAD_REQUEST)
+            return False
+        return True
+
     def do_GET(self) -> None:
         """The page and its files."""
         address = urlsplit(self.path)
