@@ -157,19 +157,21 @@ def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 
     if not (view.valid | view.far).any():
         return view, FillReport(notes={"nothing_visible": True})
     context = context.near(view.camera)
-    rows, columns = box = box_with_context(hole)
-    if np.prod(sides_of(box)) > WORTH_CROPPING * hole.size:
+    box = part_worth_cropping(hole)
+    if box is None:
         return _fill_whole(view, inpainter, context, seed)
+    rows, columns = box
     part, report = _fill_whole(view.cropped(rows, columns), inpainter, context.cropped(view, rows, columns), seed)
     make_room(hole.size)
     return paste_part(view, part, rows, columns), report
 
 
-def box_with_context(hole: BoolArray) -> tuple[slice, slice]:
-    """Rows and columns of the box round a hole (H x W, not empty) that a filler sees."""
+def part_worth_cropping(hole: BoolArray) -> tuple[slice, slice] | None:
+    """Rows and columns of the box round a hole (H x W, not empty) that a filler sees; None: of all, which is not much more."""
     tight = box_around(hole, 0)
     margin = max(CONTEXT_PX, round(CONTEXT * max(sides_of(tight))), round(CONTEXT_SHARE * max(hole.shape)))
-    return larger_box(tight, margin, hole.shape)
+    box = larger_box(tight, margin, hole.shape)
+    return box if np.prod(sides_of(box)) <= WORTH_CROPPING * hole.size else None
 
 
 def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: int) -> tuple[View, FillReport]:

@@ -32,6 +32,7 @@ from dlama.inpainters.layered.depth_first import (
     seams,
 )
 from dlama.inpainters.layered.filler import layered
+from dlama.perception.planes import plane_values_at
 
 NOTHING = FillContext(Law(()))
 
@@ -262,3 +263,35 @@ def test_other_fillers_go_their_own_way() -> None:
     view = step()
     own = Fill(view.color, np.ones_like(view.depth), 7, {"who": "own"})
     assert paint_over_depth(lambda view, context, seed: own)(view, NOTHING, 0) is own
+
+
+def test_painting_is_proportional_to_the_colour_holes() -> None:
+    """Probe: where depth is missing in all corners of a large picture, a painter sees the part round the one removed object; the
+    rest stays to the bit, and depth (closed form: the wall) is filled everywhere."""
+    depth, hole = np.full((700, 1200), 3, np.float32), np.zeros((700, 1200), bool)
+    depth[:5, :5] = depth[-5:, -5:] = 0
+    hole[300:340, 600:650] = True
+    color = np.random.default_rng(0).integers(100, 140, (*depth.shape, 3), np.uint8)
+    view = View.from_rgbd(RGBD(color, depth, Camera.from_fov(1200, 700, 60))).without(hole, HoleType.OBJECT)
+    seen: list[tuple[int, ...]] = []
+
+    def paint(picture: np.ndarray, where: np.ndarray, seed: int) -> np.ndarray:
+        seen.append(picture.shape)
+        return np.where(where[..., None], np.uint8(7), picture)
+
+    for filler in (paint_over_depth(Painter(paint)), layered):
+        fill = filler(view, NOTHING, 0)
+        np.testing.assert_array_equal(fill.color[~hole], color[~hole])
+        np.testing.assert_allclose(fill.depth[view.hole], 3, rtol=1e-3)
+    assert len(seen) == 1 and seen[0][0] == 552 and seen[0][1] == 562
+
+
+def test_a_part_of_surfaces_has_their_values() -> None:
+    """Oracle: the planes in the whole picture."""
+    planes = np.array([[1e-3, -2e-3, 0.5], [0, 1e-3, 0.2]])
+    label = np.random.default_rng(1).integers(1, 3, (30, 40)).astype(np.int8)
+    whole = Surfaces(np.ones(label.shape, np.float32), label, planes)
+    part = whole.cropped(slice(5, 20), slice(12, 40))
+    rows, columns = np.indices(part.label.shape).reshape(2, -1)
+    expected = plane_values_at(planes, label[5:20, 12:].ravel(), rows + 5, columns + 12)
+    np.testing.assert_allclose(plane_values_at(part.planes, part.label.ravel(), rows, columns), expected)

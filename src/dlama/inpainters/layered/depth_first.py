@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import cv2
@@ -12,11 +14,11 @@ from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import dilate_mask, morphological_open, nearest_known, regions_touching, repeat_cells, square
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, sampled_pixels
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, sampled_pixels
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
-from dlama.inpainters.filling import Fill, Inpainter, Painter
+from dlama.inpainters.filling import Fill, Inpainter, Painter, part_worth_cropping
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.color.surface_colors import find_leaves, paint_leaves
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
@@ -41,6 +43,8 @@ STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
 """A known pixel nearer than this share of the depth filled next to it is an occluder."""
+Painted = tuple[UInt8Array, dict[str, Any]]
+"""H x W x 3 colours, and notes of what ran, for meta.json."""
 BEHIND = 0.95
 """A known pixel farther than this many times the depth of the removed object next to it lies next to it or behind it."""
 
@@ -58,19 +62,42 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
     def fill(view: View, context: FillContext, seed: int) -> Fill:
         surfaces, depth, moved = continue_lawfully(view, context, seed)
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
-        if not view.color_hole.any():
-            return Fill(view.color, depth, moved, notes)
-        hidden, shadow_notes = hide_from_painter(view, surfaces, depth, context.law)
-        notes |= shadow_notes
-        leaves = find_leaves(view, surfaces)
-        del surfaces  # of a large picture a network needs their memory
-        guess = begin_job(smooth_guess, view)
-        color = inpainter.fill_picture(view.color, hidden, seed)
-        w = inverse_depth(np.where(view.hole, depth, view.depth))
-        color = blend_with_low_frequency(view, color, view.color_hole, w, guess=guess)
-        return Fill(paint_leaves(color, view, leaves), depth, moved, notes)
+        color, more = paint_in_part(view, surfaces, depth, context, partial(paint_behind, seed=seed, painter=inpainter))
+        return Fill(color, depth, moved, notes | more)
 
     return fill
+
+
+def paint_behind(
+    view: View, surfaces: Surfaces, depth: Float32Array, context: FillContext, seed: int, painter: Painter
+) -> tuple[UInt8Array, dict[str, Any]]:
+    """H x W x 3 colours of a view whose depth (H x W metres) is filled, by a painter that sees no occluders; and notes."""
+    hidden, notes = hide_from_painter(view, surfaces, depth, context.law)
+    leaves = find_leaves(view, surfaces)
+    guess = begin_job(smooth_guess, view)
+    color = painter.fill_picture(view.color, hidden, seed)
+    w = inverse_depth(np.where(view.hole, depth, view.depth))
+    color = blend_with_low_frequency(view, color, view.color_hole, w, guess=guess)
+    return paint_leaves(color, view, leaves), notes
+
+
+def paint_in_part(
+    view: View, surfaces: Surfaces, depth: Float32Array, context: FillContext, paint: Callable[..., Painted]
+) -> Painted:
+    """What `paint(view, surfaces, depth, context)` makes of the part of a view round its colour holes, in the whole picture.
+
+    Depth may be missing all over it, as in a depth camera's: painting is proportional to the hole all the same.
+    """
+    if not view.color_hole.any():
+        return view.color, {}
+    box = None if surfaces.leaves.size else part_worth_cropping(view.color_hole)
+    if box is None:
+        return paint(view, surfaces, depth, context)
+    rows, columns = box
+    part = view.cropped(rows, columns), surfaces.cropped(rows, columns), depth[box]
+    color = view.color.copy()
+    color[box], notes = paint(*part, context.cropped(view, rows, columns))
+    return color, notes
 
 
 def hide_from_painter(

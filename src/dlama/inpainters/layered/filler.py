@@ -12,6 +12,7 @@ such depth end in the wrong places.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,14 @@ from numpy.typing import NDArray
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import morphological_open, nearest_known, square
 from dlama.geometry.kernels.jit import begin_job
-from dlama.geometry.rgbd import BoolArray, UInt8Array, paste, replace_pixels
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste, replace_pixels
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.color.surface_colors import paint_surfaces
-from dlama.inpainters.layered.depth.surfaces import continue_lawfully
-from dlama.inpainters.layered.depth_first import hide_from_painter
+from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
+from dlama.inpainters.layered.depth_first import hide_from_painter, paint_in_part
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.filler import GUESS_SIDE, blend_with_guess, guess_coarsely
@@ -60,9 +61,18 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     """Continue planes, sky and smooth surfaces into the holes, project them onto the visibility law, then paint them; network:
     of `layered-patches`."""
     surfaces, depth, moved = continue_lawfully(view, context, seed)
+    paint = partial(paint_over_surfaces, seed=seed, network=network)
+    color, notes = paint_in_part(view, surfaces, depth, context, paint)
+    return Fill(color, depth, moved, {"planes": len(surfaces.planes)} | notes)
+
+
+def paint_over_surfaces(
+    view: View, surfaces: Surfaces, depth: Float32Array, context: FillContext, seed: int, network: Painter | None
+) -> tuple[UInt8Array, dict[str, Any]]:
+    """H x W x 3 colours of a view whose depth (H x W metres) is filled, and notes of what ran; network as above."""
     view = close_narrow_holes(view)
     smooth = begin_job(smooth_guess, view)
-    notes: dict[str, Any] = {"planes": len(surfaces.planes)}
+    notes: dict[str, Any] = {}
     removed, uncovered = (
         view.color_hole & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
     )
@@ -96,7 +106,7 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
     color = blend_with_low_frequency(view, color, painted, w, surfaces.label, smooth)
     if guess is not None and uncovered.any():
         color = blend_with_guess(color, guess, uncovered, guess_share=DISOCCLUDED_SHARE)
-    return Fill(color, depth, moved, notes)
+    return color, notes
 
 
 def close_narrow_holes(view: View) -> View:

@@ -47,6 +47,13 @@ class Surfaces:
     leaves: NDArray[np.intp] = field(default_factory=lambda: np.zeros((2, 0), np.intp))
     """2 x N, as of `copy_leaves`: where foliage extends."""
 
+    def cropped(self, rows: slice, columns: slice) -> Surfaces:
+        """Those of a part of the view (`View.cropped`) that foliage does not extend into."""
+        a, b, c = self.planes.T
+        planes = np.stack([a, b, c + a * columns.start + b * rows.start], 1)
+        part = np.s_[rows, columns]
+        return Surfaces(self.inverse_depth[part].copy(), self.label[part].copy(), planes)
+
     def without_leaves(self, where: BoolArray) -> BoolArray:
         """`where` (H x W) without the pixels that foliage extends into."""
         out = where.copy()
