@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -115,7 +116,7 @@ def batch(
     if words[:1] == ("report",):
         write_page(words[1:], report)
         return
-    given = given_options(defaults)
+    given = {name: as_typed(value) for name, value in given_options(defaults).items()}
     with report_result("batch", report) as result:
         jobs = source(words, which, given)
         if running.dry_run:
@@ -137,6 +138,12 @@ def batch(
         result.add("\n".join(totals.lines(str(place))), **totals.values(str(place)))
     if totals.failed:
         raise SystemExit(FAILED)
+
+
+def as_typed(value: Any) -> Any:
+    """An option's value; of an address that became a path, which takes a slash from it (http:/host/K.json), the address."""
+    address = re.match(r"([a-z][a-z0-9+.-]+):/", str(value)) if isinstance(value, Path) else None
+    return f"{address[1]}://{str(value)[address.end() :]}" if address else value
 
 
 def write_page(words: Sequence[str], report: Report) -> None:
