@@ -177,7 +177,7 @@ def overhead(folder: Path, jobs: int) -> None:
         steps = [later - sooner for sooner, later in pairwise(times[20:])]
         found[how] = 1000 * sum(steps) / len(steps)
         print(f"{how:10} {found[how]:7.2f} ms a job (median step {1000 * statistics.median(steps):.2f} ms)")
-    print(f"ray over processes: {found['ray'] - found['processes']:.2f} ms a job; wanted: at most 15")
+    print(f"ray over processes: {found['ray'] - found['processes']:.2f} ms a job; expected: at most 15")
 
 
 def memory(folder: Path, count: int) -> None:

@@ -111,7 +111,7 @@ def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
     """All cases of a split."""
     for folder, only, domain in SETS[split]:
         for case in (*open_dataset(shared / folder).of("vpi"), *open_dataset(shared / folder).of("ori")):
-            if (not only or case.scene == only) and wanted_yaw(case, split, folder):
+            if (not only or case.scene == only) and expected_yaw(case, split, folder):
                 yield BenchCase(f"{folder}/{case.scene}/{case.protocol}/{case.frame}", domain, case.load, case.yaw)
     for folder, every, count in STANDING[split]:
         for place, frame in enumerate(open_dataset(shared / folder).frames[::every]):
@@ -143,7 +143,7 @@ def load_as_seen(load: Callable[[], Truth], sensor: str, seed: int) -> Truth:
     return dataclasses.replace(truth, source=as_seen(truth.source, sensor, np.random.default_rng(seed)))
 
 
-def wanted_yaw(case: Case, split: str, folder: str) -> bool:
+def expected_yaw(case: Case, split: str, folder: str) -> bool:
     """Whether a frame of an orbit or a sequence is one of the suite's."""
     if folder == "street":
         if case.protocol == "ori":

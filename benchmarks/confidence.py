@@ -60,7 +60,7 @@ PIXELS = 1500
 HIDDEN, STEPS, BATCH, RATE = 24, 2500, 4096, 2e-3
 KINDS = "weight", "bias"
 LAPLACE = 0.3
-"""Weight of the expected errors' likelihood beside the probabilities' cross entropy."""
+"""Weight of the expected errors' likelihood next to the probabilities' cross entropy."""
 LOGS = (-6.0, 1.0), (-4.0, 3.0)
 """Limits of the logarithm of an expected error of depth (in filled depths) and of colour (in COLOR_WITHIN levels)."""
 NOISE, DECAY = 0.3, 0.1
@@ -199,7 +199,7 @@ def train(
     """Weights: the cross entropy of both probabilities, and the Laplace likelihood of both errors, log b + |e| / b, whose best b
     is the mean of |e|.
 
-    With `start`, weights trained before, training goes on with `rows`; of `kept` the network says what it said at the start.
+    With `start`, weights trained before, training continues with `rows`; of `kept` the network says what it said at the start.
     """
     torch.manual_seed(seed)
     mean, spread = rows.features.mean(0), rows.features.std(0) + 1e-3

@@ -147,8 +147,8 @@ def corrections_of(
         inner = morphological_open(error, disc(2))
         pixel = any_pixel(inner if inner.any() else error, rng)
     clicks[belongs].append(pixel)
-    beside = dilate_mask(true, int(np.sqrt(true.sum()) / 2)) & ~true & ~mask & ~on_it
-    for kind, where in ((True, true & mask), (False, beside)):
+    next_to = dilate_mask(true, int(np.sqrt(true.sum()) / 2)) & ~true & ~mask & ~on_it
+    for kind, where in ((True, true & mask), (False, next_to)):
         if where.any() and rng.random() < FURTHER:
             clicks[kind].append(any_pixel(where, rng))
     yield crop_about(frame, pixel, side_of_crop(pixel, mask, error, rng), mask, clicks, true, on_it)

@@ -1,11 +1,11 @@
-"""Pictures of hard cases as they are completed: real frames, cut depth, removals, views; beside the truth where there is one.
+"""Pictures of hard cases as they are completed: real frames, cut depth, removals, views; next to the truth where there is one.
 
     python benchmarks/looks.py ../shared -o now                  # one PNG a case, and its numbers
     python benchmarks/looks.py --sheet now -o docs/images/gallery.jpg  # known | completed | truth of one such folder, all of it
 
 The cases are chosen by kind, not by result: a Kinect's room at about 10, 20, 30 and 40 degrees, the same room from 10 and 15
-degrees beside frames of a sequence, things in it that are clicked and taken out with their shadow (last: the frame itself), a
-bin with things taken out, a street of which an object is taken out, streets from elsewhere, the same with depth that ends at
+degrees next to frames of a sequence, objects in it that are clicked and removed with their shadow (last: the frame itself), a
+bin with objects removed, a street of which an object is removed, streets from elsewhere, the same with depth that ends at
 10 m, and the scene that comes with dlama, painted by MI-GAN. Numbers: squared colour error in what was a hole, and seconds of
 processor time.
 """
@@ -39,7 +39,7 @@ CLICKS = {
     "37": (374, 243),
     "5": (293, 194),
 }
-"""Number of a frame of kitchen_sequence -> a pixel of a thing in it."""
+"""Number of a frame of kitchen_sequence -> a pixel of an object in it."""
 TURNS = (("10", -15), ("10", 10), ("26", 10), ("33", -15), ("33", 10), ("41", -15), ("41", 10))
 """Number of a frame of kitchen_sequence, and degrees of yaw about the middle of what it shows."""
 CELL = 160
@@ -64,7 +64,7 @@ def without(truth: RemovalTruth, *, ends: bool = False, **settings: str) -> tupl
 
 
 def clicked(frame: RGBD, at: tuple[int, int]) -> tuple[Completion, UInt8Array]:
-    """The frame without the thing at a pixel and its shadow, and the frame."""
+    """The frame without the object at a pixel and its shadow, and the frame."""
     return dlama.remove(frame, dlama.find_mask(frame, clicks=[at], with_shadow=True).mask), frame.color
 
 
@@ -115,10 +115,10 @@ def picture(done: Completion, truth: UInt8Array | None) -> UInt8Array:
     return np.hstack([shown, done.view.color, np.zeros_like(shown) if truth is None else truth])
 
 
-def make(shared: Path, out: Path, wanted: list[str]) -> None:
+def make(shared: Path, out: Path, expected: list[str]) -> None:
     out.mkdir(parents=True, exist_ok=True)
     for name, case in cases(shared):
-        if wanted and not any(part in name for part in wanted):
+        if expected and not any(part in name for part in expected):
             continue
         started = time.process_time()
         done, truth = case()
@@ -128,9 +128,11 @@ def make(shared: Path, out: Path, wanted: list[str]) -> None:
         cv2.imwrite(str(out / f"{name}.png"), picture(done, truth)[..., ::-1])
 
 
-def lay_out(folder: Path, sheet: Path, wanted: list[str]) -> None:
+def lay_out(folder: Path, sheet: Path, expected: list[str]) -> None:
     """One row a case: known | completed | truth; two cases a row."""
-    files = [file for file in sorted(folder.glob("*.png")) if not wanted or any(part in file.stem for part in wanted)]
+    files = [
+        file for file in sorted(folder.glob("*.png")) if not expected or any(part in file.stem for part in expected)
+    ]
     if not files:
         sys.exit(f"{folder} holds no pictures of these names")
     write_sheet([labelled(cv2.imread(str(file)), file.stem) for file in files], sheet)

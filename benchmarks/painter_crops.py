@@ -1,6 +1,6 @@
 """Photos and worlds in -> packs of pictures with holes, and what belongs there, for tuning the painter (`painter`), out.
 
-Photos get holes of the outlines of other photos' salient objects, or a strip beside one, as a moved camera uncovers, or what a
+Photos get holes of the outlines of other photos' salient objects, or a strip next to one, as a moved camera uncovers, or what a
 turned camera does not see; the truth is the photo. Worlds get an object removed; the truth is the world without it. Views are of
 photos and worlds from another place, as small as a painter sees them, with what is known of the hole: its guides.
 
@@ -216,7 +216,7 @@ def unseen_when_turned(side: int, rng: np.random.Generator) -> BoolArray:
 
 
 def put_outline(hole: UInt8Array, outline: BoolArray, rng: np.random.Generator) -> None:
-    """Draw an outline, mirrored or not, or the strip beside it, into a hole, at most a quarter of it beyond the border."""
+    """Draw an outline, mirrored or not, or the strip next to it, into a hole, at most a quarter of it beyond the border."""
     side = len(hole)
     longer = side * float(np.exp(rng.uniform(*np.log(LONGER_SIDES))))
     wh = [max(4, int(each * longer / max(outline.shape))) for each in outline.shape[::-1]]

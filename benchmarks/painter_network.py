@@ -160,7 +160,7 @@ class Run:
         }  # fmt: skip
 
     def save(self, path: Path) -> None:
-        """All that training goes on from."""
+        """All that training continues from."""
         torch.save({"step": self.step, **{name: part.state_dict() for name, part in self.parts.items()}}, path)
 
     def load(self, path: Path) -> None:

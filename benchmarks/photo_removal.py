@@ -1,11 +1,11 @@
-"""Things removed from single photos without depth, filler beside filler; prints a table, writes a sheet of pictures.
+"""Objects removed from single photos without depth, filler next to filler; prints a table, writes a sheet of pictures.
 
     python benchmarks/photo_removal.py ../shared
     python benchmarks/photo_removal.py ../shared --photos 0 --sheet docs/images/photo-removal.jpg
 
-Truth: the street's pictures without their object, the bin without its things, and photos that lose the shape of the thing that
+Truth: the street's pictures without their object, the bin without its objects, and photos that lose the shape of the object that
 stands out of another photo: what it hides is known. Measured over what was filled, the truth pasted outside it. The seed draws
-the photos; the shadow of a removed thing stays in `street`, for all alike.
+the photos; the shadow of a removed object stays in `street`, for all alike.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 FILLERS = ("telea", "layered", "migan", "patchmatch")
 SHARES = (0.04, 0.35)
-"""Of a picture, that the shape of a thing may take."""
+"""Of a picture, that the shape of an object may take."""
 SIDE = 216
 """Width of the sheet's pictures in pixels."""
 Score = tuple[float, float, float]
@@ -49,7 +49,7 @@ class Removal:
 
 
 def pictures(folder: Path) -> Iterator[Removal]:
-    """The street's four objects, from where their orbits begin, and the bin's things."""
+    """The street's four objects, from where their orbits begin, and the bin's objects."""
     for kind, where in {"street": folder / "street", "bin": folder / "data" / "bin_removal"}.items():
         for _, of_scene in itertools.groupby(open_dataset(where).of("ori"), lambda case: case.scene):
             found = next(of_scene).load()
@@ -58,10 +58,10 @@ def pictures(folder: Path) -> Iterator[Removal]:
 
 
 def photos(folder: Path, count: int, seed: int) -> Iterator[Removal]:
-    """Photos that lose the shape of another's thing: `count` of imagenet, a third as many of urban100, a quarter of camvid."""
+    """Photos that lose the shape of another's object: `count` of imagenet, a third as many of urban100, a quarter of camvid."""
     rng = np.random.default_rng(seed)
     drawn = in_any_order(folder / "photos" / "imagenet", rng)
-    shapes = [shape for file in drawn[count : 5 * count] if (shape := shape_of_thing(file)) is not None]
+    shapes = [shape for file in drawn[count : 5 * count] if (shape := shape_of_object(file)) is not None]
     sets = {"imagenet": drawn[:count]}
     for name, share in (("urban100", 3), ("camvid", 4)):
         sets[name] = in_any_order(folder / "photos" / name, rng)[: count // share]
@@ -77,7 +77,7 @@ def in_any_order(folder: Path, rng: np.random.Generator) -> list[Path]:
     return [files[i] for i in rng.permutation(len(files))]
 
 
-def shape_of_thing(file: Path) -> BoolArray | None:
+def shape_of_object(file: Path) -> BoolArray | None:
     """What stands out of a photo; None where nothing does, or too little or too much."""
     try:
         shape = dlama.find_mask(read_color(file), masker="salient").mask

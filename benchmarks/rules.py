@@ -47,7 +47,7 @@ def _foliage() -> None:
 def _no_cut_crowns() -> None:
     from dlama.inpainters.layered.depth import cut_objects as room
 
-    def plain(w: Any, label: Any, hole: Any, beside: Any) -> Any:
+    def plain(w: Any, label: Any, hole: Any, next_to: Any) -> Any:
         loose = ~hole & (label == room.SMOOTH)
         beyond = room.distance_to_unlabelled(loose)
         nothing = np.zeros(loose.shape, np.int32)
@@ -127,7 +127,7 @@ def _beyond_range() -> None:
 
 
 def _depth_camera() -> None:
-    """What depth edges beside the picture's change: their place, halo, softening, solid planes."""
+    """What depth edges next to the picture's change: their place, halo, softening, solid planes."""
     _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
 
 

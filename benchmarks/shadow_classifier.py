@@ -1,4 +1,4 @@
-"""The classifiers that find a thing's shadow: crops of procedural worlds to fit them on, and the file that ships.
+"""The classifiers that find an object's shadow: crops of procedural worlds to fit them on, and the file that ships.
 
     python benchmarks/shadow_classifier.py crops FOLDER [--photos ../shared/photos] [--count 1200] [--paved 0] [--held-out 160]
     python benchmarks/shadow_network.py FOLDER [-o src/dlama/assets/shadow/shadow.onnx]

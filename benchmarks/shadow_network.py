@@ -1,4 +1,4 @@
-"""The network that finds a thing's shadow: trained on crops of procedural worlds, written as the file that ships.
+"""The network that finds an object's shadow: trained on crops of procedural worlds, written as the file that ships.
 
     python benchmarks/shadow_classifier.py crops FOLDER --photos ../shared/photos
     python benchmarks/shadow_network.py FOLDER [-o src/dlama/assets/shadow/shadow.onnx]
@@ -32,12 +32,12 @@ EPOCHS, BATCH, RATE, WARM, DECAY = 12, 8, 2e-3, 100, 2e-2
 BUCKET = 64
 """Crops that are sorted by their size before they are put into batches."""
 RARER, OVERLAP = 8.0, 0.5
-"""A shadow's pixels weigh an eighth of the crop's at least, its overlap (Dice) so much beside the cross entropy."""
+"""A shadow's pixels weigh an eighth of the crop's at least, its overlap (Dice) so much next to the cross entropy."""
 SMOOTH_PX = 20.0
 SCALES, SCALED = (0.7, 1.1), 0.4
 """By how much crops are made smaller and larger, and how many of them."""
 ABOUT = {
-    "dlama.what": "planes of a crop round a thing (dlama.perception.shadows) -> logits of the pixels of its shadow",
+    "dlama.what": "planes of a crop round an object (dlama.perception.shadows) -> logits of the pixels of its shadow",
     "dlama.licence": "Apache-2.0",
 }
 

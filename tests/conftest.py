@@ -53,11 +53,11 @@ def nothing_is_flushed() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
     """The folder of real data, from DLAMA_DATA; a test skips where that is unset, and fails where it is wrong."""
-    told = os.environ.get("DLAMA_DATA")
-    if not told:
+    reported = os.environ.get("DLAMA_DATA")
+    if not reported:
         pytest.skip("DLAMA_DATA is not set; it names the folder that holds data/ and street/")
-    folder = Path(told)
-    assert folder.is_dir(), f"DLAMA_DATA is {told}, which is no folder"
+    folder = Path(reported)
+    assert folder.is_dir(), f"DLAMA_DATA is {reported}, which is no folder"
     return folder
 
 

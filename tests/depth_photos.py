@@ -47,7 +47,7 @@ def standard(xmp: bytes) -> bytes:
 def apple_xmp(
     low: float, high: float, K: np.ndarray, wh: tuple[int, int], kind: str = "disparity", accuracy: str = "relative"
 ) -> bytes:
-    """What stands beside Apple's depth pictures (as an iPhone 13 Pro writes it, shortened); K lists its columns."""
+    """What stands next to Apple's depth pictures (as an iPhone 13 Pro writes it, shortened); K lists its columns."""
     columns = "".join(f"<rdf:li>{value}</rdf:li>" for value in K.T.ravel())
     return packet(
         '<rdf:Description rdf:about="" xmlns:apdi="http://ns.apple.com/pixeldatainfo/1.0/" '

@@ -162,7 +162,7 @@ def check_on_surfaces(frame: RGBD, within_m: float) -> None:
 
 
 def check_registered(read: RGBD, true: RGBD) -> None:
-    """Depth of another camera beside: of most pixels, and of nine in ten of these within 2 % of the true depth."""
+    """Depth from a camera next to it: of most pixels, and of nine in ten of these within 2 % of the true depth."""
     assert read.color.shape == true.color.shape and read.valid.mean() > 0.7
     error = np.abs(read.depth - true.depth)[read.valid]
     assert np.percentile(error, 90) < 0.02 * np.median(true.depth)

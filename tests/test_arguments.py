@@ -175,7 +175,7 @@ def a_function(
         ({"mode": 3}, "^mode is of type int; a name is expected$"),
     ],
 )
-def test_the_message_names_the_parameter_what_came_and_what_is_wanted(given: dict[str, object], message: str) -> None:
+def test_the_message_names_the_parameter_what_came_and_what_is_expected(given: dict[str, object], message: str) -> None:
     """An InputError, and a TypeError as of Python itself where the type is another."""
     with pytest.raises(InputError, match=message) as raised:
         check_arguments(a_function, {"camera": CAMERA, **given})
@@ -200,7 +200,7 @@ def test_counts() -> None:
             check_count(bad, "workers")
 
 
-def test_a_filler_that_returns_no_fill_is_told_so() -> None:
+def test_a_filler_that_returns_no_fill_is_reported_so() -> None:
     """Law: the message is about the filler; before, a bare AttributeError came from inside."""
     with pytest.raises(InputError, match="what the filler returned is None; a Fill is expected"):
         dlama.view(RGBD, yaw=10, filler=lambda view, context, seed: None)  # type: ignore[arg-type, return-value]

@@ -22,7 +22,7 @@ def test_examples_are_numbered() -> None:
 def test_example(
     example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It runs in an empty folder, prints something, and writes only where it is told."""
+    """It runs in an empty folder, prints something, and writes only where it is reported."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [str(example), "result"])
     runpy.run_path(str(example), run_name="__main__")

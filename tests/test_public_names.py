@@ -77,17 +77,17 @@ def types_in(hint: Any) -> Iterable[type]:
         yield from types_in(one)
 
 
-def hints_of(thing: Any) -> dict[str, Any]:
+def hints_of(item: Any) -> dict[str, Any]:
     """Type hints of a function's parameters and result, or of a class's fields, public properties and methods."""
-    if thing is dlama.Options:
+    if item is dlama.Options:
         return option_types()
-    if inspect.isfunction(thing):
-        hints = typing.get_type_hints(thing)
+    if inspect.isfunction(item):
+        hints = typing.get_type_hints(item)
         return hints | (option_types() if hints.pop("options", None) else {})
-    if typing.get_origin(thing) is not None or not inspect.isclass(thing):  # Python 3.10 calls list[int] a class
-        return {"alias": thing}
-    found: dict[str, Any] = dict(typing.get_type_hints(thing)) if dataclasses.is_dataclass(thing) else {}
-    for name, member in vars(thing).items():
+    if typing.get_origin(item) is not None or not inspect.isclass(item):  # Python 3.10 calls list[int] a class
+        return {"alias": item}
+    found: dict[str, Any] = dict(typing.get_type_hints(item)) if dataclasses.is_dataclass(item) else {}
+    for name, member in vars(item).items():
         function = next(
             (getattr(member, door) for door in ("fget", "__func__", "func") if hasattr(member, door)), member
         )
@@ -98,13 +98,13 @@ def hints_of(thing: Any) -> dict[str, Any]:
 
 def hidden_types(public: Mapping[str, Any]) -> list[str]:
     """`where: Type` for each class that a public name takes or gives and that has no public name itself."""
-    known = {id(thing) for thing in public.values()}
+    known = {id(item) for item in public.values()}
     return sorted(
         {
             f"{name}.{where}: {kind.__module__}.{kind.__name__}"
-            for name, thing in public.items()
-            if not (inspect.isclass(thing) and issubclass(thing, (Exception, Enum)))
-            for where, hint in hints_of(thing).items()
+            for name, item in public.items()
+            if not (inspect.isclass(item) and issubclass(item, (Exception, Enum)))
+            for where, hint in hints_of(item).items()
             for kind in types_in(hint)
             if id(kind) not in known
         }

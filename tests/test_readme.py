@@ -139,8 +139,8 @@ def test_codes_in_conventions_are_those_of_the_code() -> None:
 
     text = (ROOT / "docs" / "concepts" / "conventions.md").read_text("utf-8")
     rows = re.findall(r"^\| (\d) \| (\w+) \|", text, re.MULTILINE)
-    wanted = [(str(int(code)), code.name.lower()) for kind in (HoleType, Origin) for code in kind]
-    assert rows == wanted
+    expected = [(str(int(code)), code.name.lower()) for kind in (HoleType, Origin) for code in kind]
+    assert rows == expected
 
 
 def test_the_conda_recipe_has_the_versions_of_the_package() -> None:

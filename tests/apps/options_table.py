@@ -52,7 +52,7 @@ class Reach:
         return found
 
     def fits(self, arrived: Any) -> bool:
-        """Whether that is the value wanted; a path may come as text."""
+        """Whether that is the value expected; a path may come as text."""
         if isinstance(self.value, Path) and isinstance(arrived, str):
             return self.value == Path(arrived)
         return bool(self.value(arrived)) if callable(self.value) else bool(arrived == self.value)
@@ -61,19 +61,19 @@ class Reach:
 def attribute(path: str, value: Any) -> Callable[[Any], bool]:
     """True of an object whose attribute (a.b.c) is `value`."""
 
-    def fits(thing: Any) -> bool:
+    def fits(item: Any) -> bool:
         for name in path.split("."):
-            thing = getattr(thing, name, None)
-        return bool(thing == value)
+            item = getattr(item, name, None)
+        return bool(item == value)
 
     return fits
 
 
 def each(path: str, values: Iterable[Any]) -> Callable[[Any], bool]:
-    """True of things whose attribute is, one after the other, one of `values`, all of them present."""
+    """True of objects whose attribute is, one after the other, one of `values`, all of them present."""
 
     def fits(things: Any) -> bool:
-        return things is not None and {getattr(thing, path) for thing in things} == set(values)
+        return things is not None and {getattr(item, path) for item in things} == set(values)
 
     return fits
 

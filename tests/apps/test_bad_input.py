@@ -51,7 +51,7 @@ def test_many_pictures_in_place_of_one(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         ("mask ROOM --click 5,5 -o m.png", "ROOM: is a data set (layout tsdf-fusion), a picture is expected\n"),
         ("mask FOLDER --click 5,5 -o m.png", "FOLDER: is a folder, a picture is expected\n"),
@@ -66,7 +66,7 @@ def test_many_pictures_in_place_of_one(
     ],
 )
 def test_a_folder_in_place_of_one_picture_of_its_kind(
-    frame: Path, capsys: pytest.CaptureFixture[str], words: str, told: str
+    frame: Path, capsys: pytest.CaptureFixture[str], words: str, reported: str
 ) -> None:
     """Law: one line that says what it is; it was a directory, and of `stereo` a table of what is missing."""
     write_numbered(frame / "ROOM")
@@ -77,7 +77,7 @@ def test_a_folder_in_place_of_one_picture_of_its_kind(
     (frame / "FOLDER").mkdir()
     shutil.copy(frame / "image.png", frame / "FOLDER")
     line = error_line(capsys, *(str(frame / one) if one[0].isupper() or one == "out" else one for one in words.split()))
-    assert told in line.replace(f"{frame}/", "")
+    assert reported in line.replace(f"{frame}/", "")
 
 
 def test_a_result_in_place_of_a_picture(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -37,10 +37,10 @@ def test_a_list_its_rerun_and_its_page(jobs: str, capsys: pytest.CaptureFixture[
     """What is printed, exit code 1 for the bad row, what is kept the second time, and the page."""
     with pytest.raises(SystemExit) as stop:
         main(["batch", jobs, "-o", "out", *OPTIONS])
-    told = capsys.readouterr()
+    reported = capsys.readouterr()
     assert stop.value.code == 1
-    assert told.err == f"error: bad: {Path.cwd()}/nothing.png: no such file\n"
-    lines = told.out.splitlines()
+    assert reported.err == f"error: bad: {Path.cwd()}/nothing.png: no such file\n"
+    lines = reported.out.splitlines()
     assert lines[0] == "out:" and lines[1].split() == ["done", "2"]
     assert lines[2].split() == ["failed", "1:", "1", "FileError"]
     assert lines[-1].split() == ["rows", "out/manifest.csv"]
@@ -106,9 +106,9 @@ def test_progress_and_ctrl_c(jobs: str, capsys: pytest.CaptureFixture[str], monk
         row = JobResult("x", "failed", "view", "DepthError", "no depth")
         progress(row, 1, 10)
         yield row
-        while "progress" not in (told := capsys.readouterr().err):
+        while "progress" not in (reported := capsys.readouterr().err):
             pass
-        seen.append(told)
+        seen.append(reported)
         raise Stopped(signal.SIGINT)
 
     seen: list[str] = []

@@ -25,7 +25,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_all_jobs_and_a_joint_sheet(demo: Path) -> None:
-    """Beside them what they read, and nothing else."""
+    """Next to them what they read, and nothing else."""
     names = "inputs photo preview.png remove stereo video.webp view"
     assert sorted(path.name for path in demo.iterdir()) == names.split()
     with Image.open(demo / "video.webp") as video:

@@ -36,9 +36,9 @@ def test_faults_name_flags_and_end_with_1(capsys: pytest.CaptureFixture[str]) ->
 def test_json_has_the_findings(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["doctor", *STREET[:2], "--fov", "1.57", "--json"])
-    told = json.loads(capsys.readouterr().out)
-    assert [each["check"] for each in told["findings"]] == ["fov-radians", "understood"]
-    assert set(told["findings"][0]) == {"check", "severity", "confidence", "what", "mend"}
+    reported = json.loads(capsys.readouterr().out)
+    assert [each["check"] for each in reported["findings"]] == ["fov-radians", "understood"]
+    assert set(reported["findings"][0]) == {"check", "severity", "confidence", "what", "mend"}
 
 
 @pytest.mark.parametrize(

@@ -25,9 +25,9 @@ def meta_of(out: Path) -> dict:
 def test_view_of_a_photo_alone(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every output says that depth is estimated; what is assumed is said in two warnings and in meta.json."""
     out = run(frame, "view", "image.png", "--yaw", 8, *FAST)
-    meta, told = meta_of(out), capsys.readouterr().err
-    assert told.count("warning: ") == 2 and "give --fov or --camera" in told
-    assert "give --metres-at, --camera-height or a metric --depth-model" in told
+    meta, reported = meta_of(out), capsys.readouterr().err
+    assert reported.count("warning: ") == 2 and "give --fov or --camera" in reported
+    assert "give --metres-at, --camera-height or a metric --depth-model" in reported
     assert (meta["depth"], meta["depth_estimate"]["scale"]["rule"]) == ("estimated", "assumed")
     assert meta["source_camera"]["intrinsics_from"] == meta["depth_estimate"]["field_of_view"]["from"] == "assumed"
     assert set(meta["inputs"]) == {"image"}

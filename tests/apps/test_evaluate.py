@@ -33,9 +33,9 @@ def small_worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ["--count", "1", "--size", "64", "--kind", "street", "--seed", "3", "--json"]
     with contextlib.redirect_stdout(shown):
         main(["worlds", "-o", str(folder), *words])
-    told = json.loads(shown.getvalue())
-    assert (told["verb"], told["output"], len(told["scenes"])) == ("worlds", str(folder), 1)
-    assert all(Path(scene).is_dir() for scene in told["scenes"])
+    reported = json.loads(shown.getvalue())
+    assert (reported["verb"], reported["output"], len(reported["scenes"])) == ("worlds", str(folder), 1)
+    assert all(Path(scene).is_dir() for scene in reported["scenes"])
     return folder
 
 
@@ -82,7 +82,7 @@ def test_evaluate_end_to_end(small_worlds: Path, tmp_path: Path, capsys: pytest.
     assert (tmp_path / "out" / "results.csv").read_bytes() == first
 
 
-def test_a_failure_is_told_and_exits_with_1(
+def test_a_failure_is_reported_and_exits_with_1(
     small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One filler fails on every case; the other's results are all there; one line each, and errors.json."""
@@ -96,10 +96,10 @@ def test_a_failure_is_told_and_exits_with_1(
     words = ["--protocol", "vpi", "--yaws", "30", "--recipes", "dlama", "--fillers", "none", "telea"]
     with pytest.raises(SystemExit) as stop:
         main(["evaluate", str(small_worlds), *words, "-o", str(tmp_path)])
-    told = capsys.readouterr()
+    reported = capsys.readouterr()
     assert stop.value.code == 1
-    assert re.fullmatch(r"(error: vpi \S+ \S+, dlama/telea: ZeroDivisionError: on purpose\n){2}", told.err)
-    assert "2 results, 2 failed" in told.out and "errors.json" in told.out
+    assert re.fullmatch(r"(error: vpi \S+ \S+, dlama/telea: ZeroDivisionError: on purpose\n){2}", reported.err)
+    assert "2 results, 2 failed" in reported.out and "errors.json" in reported.out
     assert len(json.loads((tmp_path / "errors.json").read_text())) == 2
 
 
@@ -107,7 +107,7 @@ def test_bad_words_are_refused_before_anything_runs(
     small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Each names the option and what is expected; nothing is written."""
-    wanted = {
+    expected = {
         ("--fillers", "lama"): "filler 'lama' runs a network: --model lama=FILE is expected",
         ("--fillers", "best"): "--fillers is 'best'; one of none, layered",
         ("--recipes", "best"): "--recipes is 'best'; one of dlama, paper",
@@ -119,7 +119,7 @@ def test_bad_words_are_refused_before_anything_runs(
         ("--scenes", "nowhere"): "'nowhere' is not in this data set",
         ("--jobs", "0"): "jobs is 0",
     }
-    for words, line in wanted.items():
+    for words, line in expected.items():
         assert line in refused(capsys, tmp_path, "evaluate", small_worlds, *words), words
     assert "no such folder" in refused(capsys, tmp_path, "evaluate", tmp_path / "no")
 
@@ -134,9 +134,9 @@ def test_a_data_set_without_a_protocol_says_so() -> None:
 def test_yaws_are_asked_for_by_the_names_that_the_report_gives() -> None:
     """Oracle: the labels of the tables. Of pairs ≈30 is from 25 to 35 degrees; of an orbit 30 is 30."""
 
-    def chosen(yaws: tuple[float, ...], wanted: float) -> list[float | None]:
+    def chosen(yaws: tuple[float, ...], expected: float) -> list[float | None]:
         cases = tuple(Case("vpi", "toy", "s", "f", lambda: None, yaw) for yaw in yaws)  # type: ignore[arg-type,return-value]
-        return [case.yaw for case in choose_cases(Dataset("toy", "made-up", None, (), cases), Cases(yaws=(wanted,)))]
+        return [case.yaw for case in choose_cases(Dataset("toy", "made-up", None, (), cases), Cases(yaws=(expected,)))]
 
     pairs, orbit = (9.9, 31.8, -28.2, 38.7), (10.0, 25.0, 30.0, -30.0)
     assert chosen(pairs, 30) == [31.8, -28.2] and chosen(pairs, -38.7) == [38.7]

@@ -10,7 +10,7 @@ from dlama.apps.loading import loading
 
 
 @pytest.mark.parametrize("collecting", [True, False])
-def test_the_collector_goes_on_as_before_and_skips_what_was_loaded(collecting: bool) -> None:
+def test_the_collector_continues_as_before_and_skips_what_was_loaded(collecting: bool) -> None:
     """Law: it is off meanwhile, and then as it was, after errors too; what was made meanwhile is out of its sight."""
     before, frozen = gc.isenabled(), gc.get_freeze_count()
     try:

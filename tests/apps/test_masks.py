@@ -43,7 +43,7 @@ def test_a_mask_of_a_photo_alone_warns_of_no_metres(tmp_path: Path, capsys: pyte
     assert said.err == "" and "found in estimated depth" in said.out
 
 
-def test_a_result_goes_on_without_a_further_object(frame: Path) -> None:
+def test_a_result_continues_without_a_further_object(frame: Path) -> None:
     """By its scene.npz (oracle: the picture that the removal of both at once gives), or by image, depth and meta.json (oracle:
     the plane at 4 m). `remove` and `mask` refused a scene, and meta.json was no camera."""
     picture, rest = ["image.png", "depth.png"], ["--fov", "60", *FAST]

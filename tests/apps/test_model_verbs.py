@@ -59,12 +59,12 @@ def test_json_says_what_the_lines_say(capsys: pytest.CaptureFixture[str], cache_
 def test_list_and_info(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> None:
     """Every name stands in the table; info says where a file belongs and that an unseen one is unseen."""
     cli.main(["models", "list"])
-    told = capsys.readouterr().out
-    assert all(name in told for name in CATALOGUE) and str(cache_dir) in told
+    reported = capsys.readouterr().out
+    assert all(name in reported for name in CATALOGUE) and str(cache_dir) in reported
     cli.main(["models", "info", "big-lama-official"])
-    told = capsys.readouterr().out
-    assert "unknown, pinned on first use" in told and "never had this file" in told
-    assert f"{cache_dir / 'big-lama-official.ckpt'} (no)" in told
+    reported = capsys.readouterr().out
+    assert "unknown, pinned on first use" in reported and "never had this file" in reported
+    assert f"{cache_dir / 'big-lama-official.ckpt'} (no)" in reported
 
 
 def test_errors_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -102,12 +102,12 @@ def test_pull_of_what_is_here(
 
 
 def test_convert(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """The file carries the licence that was told; conversions of numbers are said; nothing half is left."""
+    """The file carries the licence that was reported; conversions of numbers are said; nothing half is left."""
     onnx = pytest.importorskip("onnx")
     source, target = write_weights(tmp_path / "w.safetensors", half=True), tmp_path / "new" / "w.onnx"
     cli.main(["models", "convert", str(source), "-o", str(target), "--licence", "MIT"])
-    told = capsys.readouterr().out
-    assert "4 -> 3 planes, 1 blocks, licence MIT" in told and "F16 were converted to float32" in told
+    reported = capsys.readouterr().out
+    assert "4 -> 3 planes, 1 blocks, licence MIT" in reported and "F16 were converted to float32" in reported
     contract = json.loads(next(p.value for p in onnx.load(target).metadata_props if p.key == "dlama.contract"))
     assert contract["licence"] == "MIT" and contract["source"] == "w.safetensors"
     assert [path.name for path in target.parent.iterdir()] == ["w.onnx"]
@@ -136,15 +136,15 @@ def test_a_damaged_converted_network_is_made_anew(
     pytest.importorskip("onnx")
     source = write_weights(tmp_path / "w.safetensors")
     first = model_for(source)
-    whole, beside = first.read_bytes(), first.with_suffix(".sha256")
+    whole, next_to = first.read_bytes(), first.with_suffix(".sha256")
     if damage == "flipped":
         first.write_bytes(whole[:500] + bytes([whole[500] ^ 1]) + whole[501:])
     elif damage == "empty":
         first.write_bytes(b"")
     elif damage == "no hash":
-        beside.unlink()
+        next_to.unlink()
     else:
-        beside.write_bytes(b"")
+        next_to.write_bytes(b"")
     capsys.readouterr()
     assert model_for(source) == first and first.read_bytes() == whole
     assert "is not as it was written; it is made anew" in capsys.readouterr().err

@@ -37,8 +37,8 @@ Calls = dict[str, list[dict[str, Any]]]
 
 def test_every_option_of_every_verb_stands_in_the_table() -> None:
     """Oracle: the signatures. A new option has no line in the table, and this fails."""
-    wanted = {(verb, name) for verb, taker in commands().items() for name, *_ in fields_of(taker)}
-    assert {(verb, name) for verb, rows in TABLE.items() for name in rows} == wanted
+    expected = {(verb, name) for verb, taker in commands().items() for name, *_ in fields_of(taker)}
+    assert {(verb, name) for verb, rows in TABLE.items() for name in rows} == expected
 
 
 def test_the_list_of_options_sees_a_new_one() -> None:
@@ -56,7 +56,7 @@ def test_the_list_of_options_sees_a_new_one() -> None:
 
 @pytest.fixture(scope="module")
 def loaded() -> None:
-    """Everything but training, before any stand-in is there: a module that is loaded beside one would keep it for later tests."""
+    """Everything but training, before any stand-in is there: a module loaded next to one would keep it for later tests."""
     for module in pkgutil.walk_packages(dlama.__path__, "dlama."):
         if module.name.split(".")[1] not in ("nets", "training", "__main__"):
             importlib.import_module(module.name)
@@ -162,8 +162,8 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.datasets.sequences.camera_paths.path_for", [])
     spy("dlama.render_path", [])
     box = SimpleNamespace(angle=3.0, distance=0.1, pivot=2.0)
-    told = {"photo3d": {"filled_cameras": [], "open_share": 0.0}, "filler": "telea"}
-    spy("dlama.photo3d", dlama.Photo3D(None, box, told))  # type: ignore[arg-type]
+    reported = {"photo3d": {"filled_cameras": [], "open_share": 0.0}, "filler": "telea"}
+    spy("dlama.photo3d", dlama.Photo3D(None, box, reported))  # type: ignore[arg-type]
     spy("dlama.write_photo3d")
     spy("dlama.files.results.video.write_video", 1)
     spy("dlama.apps.verbs.sequence.mask_files", {"3": Path("a.png")})

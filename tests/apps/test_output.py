@@ -62,9 +62,9 @@ def test_the_same_warning_is_printed_once(capsys: pytest.CaptureFixture[str]) ->
 def test_warnings_name_flags(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As errors do: the library's depth_scale is --depth-scale (oracle: the verb's --help)."""
     run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 20, "--pivot", 2.5, "--depth-scale", 5000, *FAST)
-    (told,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
-    assert "is unknown" in told and "--depth-scale" in told
-    assert "depth_scale" not in told
+    (reported,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
+    assert "is unknown" in reported and "--depth-scale" in reported
+    assert "depth_scale" not in reported
 
 
 def test_json_is_one_object_of_what_was_done(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -94,7 +94,7 @@ def test_meta_json_has_how_depth_was_read(words: tuple[object, ...], frame: Path
 
 
 def test_what_lacks_only_depth_is_no_unknown(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """5 x 8 pixels without depth beside the object (oracle: counted by hand in a picture of 64 x 48)."""
+    """5 x 8 pixels without depth next to the object (oracle: counted by hand in a picture of 64 x 48)."""
     depth = pixels(frame / "depth.png")
     depth[2:7, 2:10] = 0
     Image.fromarray(depth).save(frame / "depth.png")
@@ -119,9 +119,9 @@ def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest
     def heard(words: str) -> str:
         err = ""
         while words not in err:
-            told = capsys.readouterr()
-            err += told.err
-            assert told.out == ""
+            reported = capsys.readouterr()
+            err += reported.err
+            assert reported.out == ""
         return err
 
     with evaluating.show_progress("street", Report()) as progress:

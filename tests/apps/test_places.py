@@ -93,8 +93,8 @@ def test_what_is_read_is_not_written_over(case: str, folder: Path, capsys: pytes
     (folder / "image_overlay.png").write_bytes((folder / "image.png").read_bytes())
     os.link(folder / "model.pt", folder / "model.onnx")
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-    words, told = REFUSED[case]
-    assert told in error_line(capsys, *words.format(folder=folder).split())
+    words, reported = REFUSED[case]
+    assert reported in error_line(capsys, *words.format(folder=folder).split())
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
 
 
@@ -112,8 +112,8 @@ def test_a_batch_refuses_a_folder_named_as_a_file(folder: Path) -> None:
     assert sorted(folder.iterdir()) == before
 
 
-def test_another_folder_beside_or_inside_is_fine(folder: Path) -> None:
-    """Law: an output inside the folder of an input, and one that is not there yet, go on to the reading."""
+def test_another_folder_next_to_or_inside_is_fine(folder: Path) -> None:
+    """Law: an output inside the folder of an input, and one that is not there yet, continue to the reading."""
     for place in ("out", "scenes"):
         with pytest.raises(AssertionError, match="something was read"):
             main(["view", "image.png", "depth.png", "--fov", "60", "--yaw", "5", "-o", place])

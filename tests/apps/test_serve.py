@@ -28,14 +28,14 @@ def test_it_serves_until_it_is_ended(tmp_path: Path) -> None:
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as running:
         assert running.stdout is not None
-        told = json.loads(running.stdout.readline())
-        assert told["verb"] == "serve" and "token=a%20b%26c" in told["address"]
+        reported = json.loads(running.stdout.readline())
+        assert reported["verb"] == "serve" and "token=a%20b%26c" in reported["address"]
         try:
             assert len(list(tmp_path.iterdir())) == 1
             opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-            with opener.open(told["address"], timeout=600) as answer:
+            with opener.open(reported["address"], timeout=600) as answer:
                 assert b"<title>dlama</title>" in answer.read()
-        finally:  # whatever failed, it must not go on for ever
+        finally:  # whatever failed, it must not continue for ever
             running.send_signal(signal.SIGTERM)
             try:
                 _, errors = running.communicate(timeout=120)

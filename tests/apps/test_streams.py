@@ -125,7 +125,7 @@ with errors_as_lines(), new_directory("out") as folder:
 
 
 def test_ctrl_c_in_a_callback_of_a_c_library_is_not_lost(tmp_path: Path) -> None:
-    """LLVM calls back for each kernel that is compiled, and ctypes prints an exception there and goes on: a first run could not
+    """LLVM calls back for each kernel that is compiled, and ctypes prints an exception there and continues: a first run could not
     be stopped; a sleep, too, ends at once. Oracles: the exit code of shells, what lies on the disk."""
     done = subprocess.run(
         [sys.executable, "-c", IN_A_CALLBACK], cwd=tmp_path, capture_output=True, text=True, timeout=600

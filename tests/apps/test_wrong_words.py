@@ -151,8 +151,8 @@ def test_a_pipe_is_no_file(frame: Path, capsys: pytest.CaptureFixture[str]) -> N
     """It was called empty; reading it would wait for ever, and /dev/zero would never end."""
     os.mkfifo(frame / "pipe.png")
     for words in ((frame / "pipe.png", "depth.png", "--fov", 60), ("image.png", "depth.png", "--camera", "/dev/zero")):
-        told = refused(capsys, frame, "view", *words, "--yaw", 5)
-        assert "is a pipe or device, a file on disk is expected" in told
+        reported = refused(capsys, frame, "view", *words, "--yaw", 5)
+        assert "is a pipe or device, a file on disk is expected" in reported
 
 
 def test_two_masks_of_one_frame_are_refused(tmp_path: Path) -> None:

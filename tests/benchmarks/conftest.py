@@ -1,4 +1,4 @@
-"""What only the benchmarks use (worlds for clicks, crops for shadows, the network that learns them) lies beside them."""
+"""What only the benchmarks use (worlds for clicks, crops for shadows, the network that learns them) lies next to them."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def test_what_is_packed_is_what_is_read_and_holes_lie_where_they_were_stored(tmp
 
 
 def test_a_step_trains_the_generator_on_what_is_drawn(tmp_path: Path) -> None:
-    """The same seed gives the same batch; known colours are the truth; weights move, noise does not; a saved run goes on."""
+    """The same seed gives the same batch; known colours are the truth; weights move, noise does not; a saved run continues."""
     write_packs(tmp_path)
     crops = Crops(tmp_path, CPU)
     batch, again = (crops.draw(3, np.random.default_rng(2)) for _ in range(2))

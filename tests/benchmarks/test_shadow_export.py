@@ -75,7 +75,7 @@ def test_the_second_output(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_read_and_written_again_is_the_same(tmp_path: Path) -> None:
-    """Oracle: the graph and the weights of the click network that ships, from which its training goes on."""
+    """Oracle: the graph and the weights of the click network that ships, from which its training continues."""
     for estimated in (True, False):
         path = network(estimated).path
         again = export_shadow(read_shadow(path), tmp_path / "again.onnx", {})

@@ -67,7 +67,7 @@ class AddFrame:
 
 @dataclass(frozen=True)
 class ReadBack:
-    """Write scene.npz and go on with what it holds."""
+    """Write scene.npz and continue with what it holds."""
 
 
 Step = Remove | Complete | AddFrame | ReadBack

@@ -1,4 +1,4 @@
-"""A small closed-form street (floor, wall, box, ball, sky) and what the method makes of it; shared by the tests beside it."""
+"""A small closed-form street (floor, wall, box, ball, sky) and what the method makes of it; shared by the tests next to it."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def test_the_papers_views_agree_where_the_footprint_was_not_cut() -> None:
 @pytest.mark.parametrize(("recipe", "removing"), [("dlama", False), ("dlama", True), ("paper", True)])
 def test_the_scene_in_the_source_camera_shows_what_was_measured(recipe: str, removing: bool) -> None:
     """Law: nothing filled hides what was measured, also once several views are fused: bit for bit at the source's camera,
-    but for the object that was taken out."""
+    but for the object that was removed."""
     done = several(recipe, removing)
     again = render(done.scene, done.source.camera, RECIPES[recipe].mode)
     kept = done.scene.layers[0].origin == Origin.MEASURED

@@ -52,8 +52,8 @@ def test_a_mask_grows_by_three_pixels_or_as_asked(
 def test_masks_of_many_frames_grow_alike() -> None:
     """Two frames, one of them masked: as from one frame, and in the frame it is carried to."""
     rgbd, mask = blurred(4)
-    beside = dataclasses.replace(rgbd.camera, world_from_cam=rgbd.camera.world_from_cam + 0.01 * np.eye(4, k=3))
-    frames = [rgbd, RGBD(rgbd.color, rgbd.depth, beside)]
+    next_to = dataclasses.replace(rgbd.camera, world_from_cam=rgbd.camera.world_from_cam + 0.01 * np.eye(4, k=3))
+    frames = [rgbd, RGBD(rgbd.color, rgbd.depth, next_to)]
     done = dlama.complete(frames, [CAMERA], mask={0: mask}, filler="telea")
     assert done.meta["recipe"]["dilate"] == mask_growth(dlama.scene(frames)).px == 3
 
@@ -65,8 +65,8 @@ def test_masks_of_large_pictures_grow_in_proportion() -> None:
     assert mask_growth(dlama.scene([large])).px == 12
 
 
-def test_a_path_is_filled_beside_the_edges_of_its_pictures() -> None:
-    """Law: where depth lies beside its picture, each view of a path is filled under the law of placed edges, as by `complete`."""
+def test_a_path_is_filled_next_to_the_edges_of_its_pictures() -> None:
+    """Law: where depth lies next to its picture, views of a path are filled under the law of placed edges, as by `complete`."""
     rgbd, _ = blurred(4)
     cameras = [orbit(rgbd.camera, yaw, 0.0, 2.5) for yaw in (-25.0, 0.0, 25.0)]
     misplaced: list[bool] = []

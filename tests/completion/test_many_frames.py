@@ -35,7 +35,7 @@ def completed(count: int) -> Completion:
 
 @functools.cache
 def removed() -> Completion:
-    """The ball, masked in frame 1 alone, taken out of all four frames."""
+    """The ball, masked in frame 1 alone, removed of all four frames."""
     return dlama.complete(FRAMES, CAMERAS, mask={1: MASKS[1]})
 
 
@@ -88,7 +88,7 @@ def test_removed_in_all_frames() -> None:
         np.testing.assert_array_equal(view.color[outside], FRAMES[number].color[outside])
 
 
-def test_a_completed_scene_goes_on() -> None:
+def test_a_completed_scene_continues() -> None:
     """Law: completing the completed scene from the same camera fills nothing anew and gives the same view."""
     done = completed(4)
     again = dlama.complete(done.scene, [TARGET])

@@ -1,5 +1,5 @@
 """One definition of the options (oracles: the fields of `Options`; the signatures, flags, columns and fields made from them), and
-recipes: what the two names stand for, and every contradiction refused with a message that says what was wanted."""
+recipes: what the two names stand for, and every contradiction refused with a message that says what was expected."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_changes_replace_and_none_does_not() -> None:
     ],
 )
 def test_contradictions_are_refused(changes: dict, message: str) -> None:
-    """Message: names the setting, what came and what was wanted."""
+    """Message: names the setting, what came and what was expected."""
     with pytest.raises(InputError, match=message):
         dataclasses.replace(find_recipe("dlama"), **changes)
 

@@ -46,10 +46,10 @@ def test_measured_pixels_stay(done: module.Photo3D) -> None:
 
 def test_meta_says_what_was_done(done: module.Photo3D) -> None:
     """The box, and as many cameras as shares of holes."""
-    told = done.meta["photo3d"]
-    assert told["angle_deg"] == pytest.approx(done.box.angle, abs=1e-3) and told["hidden_step"] == 1
-    assert 1 <= len(told["filled_cameras"]) <= len(done.meta["hole_share"]) and done.meta["filler"] == "telea"
-    assert told["open_share"] <= module.ENOUGH or len(told["filled_cameras"]) == module.MOST_CAMERAS
+    reported = done.meta["photo3d"]
+    assert reported["angle_deg"] == pytest.approx(done.box.angle, abs=1e-3) and reported["hidden_step"] == 1
+    assert 1 <= len(reported["filled_cameras"]) <= len(done.meta["hole_share"]) and done.meta["filler"] == "telea"
+    assert reported["open_share"] <= module.ENOUGH or len(reported["filled_cameras"]) == module.MOST_CAMERAS
 
 
 def test_hidden_layers_of_large_pictures_are_small(monkeypatch: pytest.MonkeyPatch) -> None:

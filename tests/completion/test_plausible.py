@@ -1,4 +1,4 @@
-"""Likely mistakes are told in one line that names what mends them (oracle: the mistakes themselves, made to a good input)."""
+"""Likely mistakes are reported in one line that names what mends them (oracle: the mistakes themselves, made to a good input)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Objects taken out of a closed-form scene: the background behind them, the clouds with and without, the masks refused."""
+"""Objects removed of a closed-form scene: the background behind them, the clouds with and without, the masks refused."""
 
 from __future__ import annotations
 

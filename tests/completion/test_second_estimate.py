@@ -23,27 +23,27 @@ MASK[40:75, 50:75] = True
 SEEN = np.random.default_rng(3).integers(60, 190, (SIDE, SIDE, 3), np.uint8)
 
 
-def photo(estimator: str | None = DEFAULT, beside: float = 0.6) -> dlama.RGBD:
+def photo(estimator: str | None = DEFAULT, next_to: float = 0.6) -> dlama.RGBD:
     """A box before the ground, and depth that gives five pixels of the ground next to it another inverse depth, at first that of
     the box; None: measured."""
-    w = np.where(MASK, np.float32(0.6), np.where(dilate_mask(MASK, 5), np.float32(beside), PLANE))
+    w = np.where(MASK, np.float32(0.6), np.where(dilate_mask(MASK, 5), np.float32(next_to), PLANE))
     estimate = None if estimator is None else {"estimator": estimator}
     return dlama.RGBD(SEEN, 1 / w, dlama.Camera.from_fov(SIDE, SIDE, 60), estimate)
 
 
-def removed(monkeypatch: pytest.MonkeyPatch, inverse: np.ndarray, beside: float = 0.6) -> dlama.Completion:
+def removed(monkeypatch: pytest.MonkeyPatch, inverse: np.ndarray, next_to: float = 0.6) -> dlama.Completion:
     """The photo without its box, where the second estimate sees that inverse depth."""
     again = SimpleNamespace(depth=(1 / inverse).astype(np.float32))
     monkeypatch.setattr(room, "estimate_depth", lambda color, **_: again)
-    return dlama.remove(photo(beside=beside), MASK, filler="telea")
+    return dlama.remove(photo(next_to=next_to), MASK, filler="telea")
 
 
-@pytest.mark.parametrize("beside", [0.6, 0.05])
-def test_what_ran_out_of_the_object_goes_with_it(monkeypatch: pytest.MonkeyPatch, beside: float) -> None:
+@pytest.mark.parametrize("next_to", [0.6, 0.05])
+def test_what_ran_out_of_the_object_goes_with_it(monkeypatch: pytest.MonkeyPatch, next_to: float) -> None:
     """Closed form: another scale and shift of the true plane; the plane is there behind the box and next to it, where it was too
     near as where it was too far, and all else is as it was, to the bit."""
-    done = removed(monkeypatch, 0.4 * PLANE + 0.05, beside)
-    depth, before = done.view.depth, photo(beside=beside).depth
+    done = removed(monkeypatch, 0.4 * PLANE + 0.05, next_to)
+    depth, before = done.view.depth, photo(next_to=next_to).depth
     near = dilate_mask(MASK, 5)
     assert np.abs(before[near & ~MASK] * PLANE[near & ~MASK] - 1).min() > 0.2
     np.testing.assert_allclose(depth[MASK] * PLANE[MASK], 1, atol=0.01)

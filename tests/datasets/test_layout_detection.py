@@ -51,7 +51,7 @@ def marked(root: Path, *layouts: str) -> Path:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_each_layout_is_told_from_all_others(tmp_path: Path, layout: str) -> None:
+def test_each_layout_is_distinguished_from_all_others(tmp_path: Path, layout: str) -> None:
     """Oracle: the names each layout's own description gives; at the root and one folder below."""
     assert detect(marked(tmp_path / "set", layout)) == layout
     assert detect(tmp_path) == layout
@@ -134,13 +134,13 @@ def test_scenes_and_limit(tmp_path: Path) -> None:
     assert len(whole.frames) == 12 and {case.scene for case in whole.cases} == {"a", "b", "c"}
     some = open_dataset(tmp_path, scenes=["c", "a"], limit=len(whole.cases) // 3 + 1)
     assert {frame.scene for frame in some.frames} == {"a", "c"}
-    wanted = [case.key for case in whole.cases if case.scene != "b"]
-    assert [case.key for case in some.cases] == wanted[: len(whole.cases) // 3 + 1]
+    expected = [case.key for case in whole.cases if case.scene != "b"]
+    assert [case.key for case in some.cases] == expected[: len(whole.cases) // 3 + 1]
     with pytest.raises(InputError, match=r"scene 'd' is not in this data set; it has a, b, c"):
         open_dataset(tmp_path, scenes=["d"])
 
 
-def test_pairs_of_views_turn_as_wanted_and_overlap(tmp_path: Path) -> None:
+def test_pairs_of_views_turn_as_expected_and_overlap(tmp_path: Path) -> None:
     """Oracle: the turns 0, 10, 21, 29 degrees about one axis: of every frame those about 10, 20 and 30 degrees away.
 
     Frame 2 to 1 (11 degrees) is nearer to 10 than 2 to 3 (8), which counts where there is no better.
@@ -177,8 +177,8 @@ def test_only_pixels_of_the_same_depth_overlap(farther: float, share: float) -> 
     assert Overlaps(frames).share(0, 1) == share
 
 
-def test_poses_in_another_unit_than_depth_are_told(tmp_path: Path) -> None:
-    """Poses in millimetres beside depth in metres: nothing overlaps, and the message asks the right question."""
+def test_poses_in_another_unit_than_depth_are_reported(tmp_path: Path) -> None:
+    """Poses in millimetres next to depth in metres: nothing overlaps, and the message asks the right question."""
     root = scene(tmp_path)
     for path, frame in zip(sorted(root.glob("*.pose.txt")), truth()):
         pose = np.array(frame.camera.world_from_cam)
@@ -193,7 +193,7 @@ def test_poses_in_another_unit_than_depth_are_told(tmp_path: Path) -> None:
 
 
 def test_two_folders_that_make_one_scene_are_refused(tmp_path: Path) -> None:
-    """Oracle: law; a/b is called a_b as a scene, so beside a_b one of the two would be lost."""
+    """Oracle: law; a/b is called a_b as a scene, so next to a_b one of the two would be lost."""
     scene(tmp_path / "a" / "b")
     scene(tmp_path / "a_b")
     with pytest.raises(FileError, match=r"b: is called a_b as a scene, and so is .*a_b; folders of other names are"):

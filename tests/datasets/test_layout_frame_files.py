@@ -75,7 +75,7 @@ def test_frames_of_a_closed_form_world(
 
 
 def test_where_a_camera_lies(tmp_path: Path) -> None:
-    """tsdf-fusion's intrinsics beside or above the frames; a camera's file as the camera itself; one in place of a lost file."""
+    """tsdf-fusion's intrinsics next to or above the frames; a camera's file as the camera itself; one in place of a lost file."""
     expected = open_dataset(write_tsdf(tmp_path)).frames[1].load().camera
     (tmp_path / "rgbd-frames/camera-intrinsics.txt").rename(tmp_path / "camera-intrinsics.txt")
     for path in (tmp_path, tmp_path / "rgbd-frames"):

@@ -109,7 +109,7 @@ def test_other_encodings(tmp_path: Path, packing: str) -> None:
 
 
 def test_depth_of_another_camera_is_registered(tmp_path: Path) -> None:
-    """A depth camera 5 cm beside the colour camera, with other pixels: its depth comes to lie on the world as colour sees it."""
+    """A depth camera 5 cm next to the colour camera, with other pixels: its depth comes to lie on the world as colour sees it."""
     side = pose_of((0, 0, 0), (0.05, 0, 0))
     lens = Camera(128, 96, 110.0, 110.0, 64.5, 47.5)
     with Writer(tmp_path / "a.bag", "ros1") as bag:

@@ -52,7 +52,7 @@ def test_its_frames_are_those_that_went_in(file: Path) -> None:
 
 
 def test_a_scene_of_one_picture_is_no_data_set_and_estimated_depth_no_truth(tmp_path: Path) -> None:
-    """Law: one frame has no pair, which is no fault of it; depth that a network gave is told."""
+    """Law: one frame has no pair, which is no fault of it; depth that a network gave is reported."""
     guessed = dataclasses.replace(frame(CAMERAS[0]), estimate={"estimator": "mine"})
     done = dlama.complete(guessed, [CAMERAS[0]], filler="telea")
     write_npz(tmp_path / "one.npz", done.view, done.scene)

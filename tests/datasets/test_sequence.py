@@ -77,8 +77,8 @@ def test_what_is_written_is_read_back(whole: tuple[Path, dict[str, Any]]) -> Non
         truth = WORLD.trace(given.camera)[0]
         assert np.median(np.abs(done.depth - truth)[~known]) < 0.01
         origin = np.array(Image.open(out / "origin" / f"{each.name}.png"))
-        for told, code in (("filled_share", Origin.FILLED), ("depth_filled_share", Origin.DEPTH_FILLED)):
-            assert abs(meta[told][each.name] - (origin == code).mean()) < 1e-6
+        for reported, code in (("filled_share", Origin.FILLED), ("depth_filled_share", Origin.DEPTH_FILLED)):
+            assert abs(meta[reported][each.name] - (origin == code).mean()) < 1e-6
     written = "images depth hole origin source transforms.json meta.json scene.npz scene.ply scene.glb sparse"
     assert {path.name for path in out.iterdir()} == {*written.split(), meta["video"]}
 
@@ -109,7 +109,7 @@ def test_source_says_which_frame_a_pixel_comes_from(whole: tuple[Path, dict[str,
     assert (source[hole == 255] == 0).all()
 
 
-def test_a_thing_is_removed_from_all_frames(room: Path, tmp_path: Path) -> None:
+def test_an_object_is_removed_from_all_frames(room: Path, tmp_path: Path) -> None:
     """By its place (oracle: the world without the ball)."""
     mask = WORLD.trace(CAMERAS["img-1"])[1] == 3
     meta = dlama.sequence(room, masks={"1": mask}, filler="layered").write(tmp_path / "out", only=["scene"])
@@ -192,7 +192,7 @@ def killed_after(count: int) -> Callable[..., None]:
     return progress
 
 
-def test_a_killed_run_goes_on(
+def test_a_killed_run_continues(
     room: Path, whole: tuple[Path, dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Law: the result is the same as in one go; what was done is not done again; other settings begin anew."""

@@ -43,7 +43,7 @@ BEHIND_SQUARE = rectangle((8, 40), (16, 48))
 
 
 def frame(camera: Camera, square: np.ndarray | None) -> RGBD:
-    """The wall, and the square where it is told to be."""
+    """The wall, and the square where it is reported to be."""
     where = np.zeros((SIZE, SIZE), bool) if square is None else square
     color = np.where(where[..., None], np.uint8(SQUARE), np.uint8(WALL))
     return RGBD(np.repeat(color, 3, 2), np.where(where, SQUARE_M, WALL_M).astype(np.float32), camera)

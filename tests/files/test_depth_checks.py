@@ -1,4 +1,4 @@
-"""Inverse depth, and sky at a far plane, are told from depth (oracle: worlds whose depth is known, its closed form 1 / z)."""
+"""Inverse depth, and sky at a far plane, are distinguished from depth (oracle: worlds of known depth, closed form 1 / z)."""
 
 from __future__ import annotations
 
@@ -139,15 +139,17 @@ def test_float_depth_in_another_unit_is_warned_of(tmp_path: Path, kind: str, uni
     Image.fromarray(frame.color).save(tmp_path / "plate.png")
     write_depth_exr(tmp_path / "Z.exr", frame.depth * np.float32(unit))
     for scale in (None, 1, unit):
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as reported:
             warnings.simplefilter("always")
             try:
                 read_rgbd(tmp_path / "plate.png", tmp_path / "Z.exr", camera=frame.camera, depth_scale=scale)
             except DepthError as refused:  # the median is beyond 500 m
                 assert unit == 1000 and "looks like millimetres" in str(refused)
                 continue
-        of_unit = [str(one.message) for one in told if "`depth_scale=1` says that they are metres" in str(one.message)]
-        assert len(of_unit) == (scale is None and unit > 1), told
+        of_unit = [
+            str(one.message) for one in reported if "`depth_scale=1` says that they are metres" in str(one.message)
+        ]
+        assert len(of_unit) == (scale is None and unit > 1), reported
         assert all("centimetres" in one and "`depth_scale=100`" in one for one in of_unit)
 
 
@@ -157,10 +159,10 @@ def test_a_lens_in_millimetres_is_no_unit_of_depth(tmp_path: Path) -> None:
     frame = room.frame(Camera.from_fov(320, 180, 80, room.camera().world_from_cam))
     Image.fromarray(frame.color).save(tmp_path / "plate.png")
     write_depth_exr(tmp_path / "Z.exr", frame.depth)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always")
         read_rgbd(tmp_path / "plate.png", tmp_path / "Z.exr", fx=6)
-    words = [str(one.message) for one in told]
+    words = [str(one.message) for one in reported]
     assert any("looks like a lens in millimetres" in one for one in words), words
     assert not any("`depth_scale=1` says" in one for one in words), words
 

@@ -56,7 +56,7 @@ def test_its_fields_are_written_still(tmp_path: Path) -> None:
         assert set(next(csv.reader(stream))) <= set(CSV_COLUMNS)
 
 
-def test_its_manifest_goes_on(tmp_path: Path) -> None:
+def test_its_manifest_continues(tmp_path: Path) -> None:
     """One job done, one failed, as its CSV has them."""
     shutil.copytree(FROZEN / "manifest", tmp_path / "manifest")
     with Manifest(Output(str(tmp_path)), read_only=True) as manifest:

@@ -68,9 +68,9 @@ def write(path: Path, values: np.ndarray, orientation: int) -> Path:
 )
 def test_every_kind_of_picture_is_read_as_shown(tmp_path: Path, kind: str, suffix: str, orientation: int) -> None:
     path = write(tmp_path / f"turned{suffix}", PICTURES[kind], orientation)
-    wanted = shown(PICTURES[kind], orientation)
-    assert np.array_equal(read_stored(path).values, wanted)
-    assert picture_hw(path) == wanted.shape[:2]
+    expected = shown(PICTURES[kind], orientation)
+    assert np.array_equal(read_stored(path).values, expected)
+    assert picture_hw(path) == expected.shape[:2]
     assert orientation_of(path) == orientation
 
 
@@ -80,9 +80,9 @@ def test_a_big_tiff_is_turned_too(tmp_path: Path, orientation: int) -> None:
     values, tags = PICTURES["depth"], [(274, "H", 1, orientation, True)]
     tifffile.imwrite(tmp_path / "big.tif", values, bigtiff=True, byteorder="<", extratags=tags)
     assert (tmp_path / "big.tif").read_bytes()[:4] == b"II+\0"
-    wanted = shown(values, orientation)
-    assert np.array_equal(read_stored(tmp_path / "big.tif").values, wanted)
-    assert picture_hw(tmp_path / "big.tif") == wanted.shape
+    expected = shown(values, orientation)
+    assert np.array_equal(read_stored(tmp_path / "big.tif").values, expected)
+    assert picture_hw(tmp_path / "big.tif") == expected.shape
     assert orientation_of(tmp_path / "big.tif") == orientation
     tifffile.imwrite(tmp_path / "other.tif", values, bigtiff=True, byteorder=">", extratags=tags)
     with pytest.raises(FileError, match=r"other\.tif: is no readable"):

@@ -54,7 +54,7 @@ def test_runs_of_bytes_that_repeat() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "told"),
+    ("data", "reported"),
     [
         (cloud("binary", 1), "is a cloud of 77 points in no order"),
         (cloud("binary")[:-9], "is damaged, truncated or no PCD"),
@@ -65,8 +65,8 @@ def test_runs_of_bytes_that_repeat() -> None:
         (b"ply\n", "is no PCD point cloud"),
     ],
 )
-def test_clouds_that_are_no_depth(data: bytes, told: str, tmp_path: Path) -> None:
+def test_clouds_that_are_no_depth(data: bytes, reported: str, tmp_path: Path) -> None:
     """Law: one line that names the file."""
     (tmp_path / "cloud.pcd").write_bytes(data)
-    with pytest.raises(FileError, match=rf"cloud\.pcd: .*{told}"):
+    with pytest.raises(FileError, match=rf"cloud\.pcd: .*{reported}"):
         read_depth(tmp_path / "cloud.pcd")

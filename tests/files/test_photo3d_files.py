@@ -46,11 +46,11 @@ def folder(photo: Photo3D, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_mesh_opens_elsewhere(folder: Path) -> None:
     """trimesh reads a textured mesh, and its soft borders; it is as small as meta.json says."""
     mesh, soft = trimesh.load(folder / "photo3d.glb", process=False).dump()
-    told = json.loads((folder / "meta.json").read_text())
+    reported = json.loads((folder / "meta.json").read_text())
     triangles = len(mesh.faces) + len(soft.faces)
-    assert mesh.visual.kind == "texture" and triangles == told["files"]["triangles"] <= module.MOST_TRIANGLES
+    assert mesh.visual.kind == "texture" and triangles == reported["files"]["triangles"] <= module.MOST_TRIANGLES
     assert (soft.visual.material.alphaMode, soft.visual.material.baseColorTexture.mode) == ("BLEND", "RGBA")
-    assert (folder / "photo3d.glb").stat().st_size < 10e6 and told["photo3d"]["filled_cameras"]
+    assert (folder / "photo3d.glb").stat().st_size < 10e6 and reported["photo3d"]["filled_cameras"]
     assert -mesh.vertices[:, 2].min() > 4  # glTF looks along -z: the wall is at 4 m
 
 

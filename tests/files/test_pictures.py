@@ -20,8 +20,8 @@ from dlama.files.rasters.masks import read_mask, write_mask
 from dlama.files.rasters.pictures import read_color, srgb_of, write_codes, write_color, write_grey
 
 COLOR = np.random.default_rng(0).integers(0, 256, (14, 19, 3)).astype(np.uint8)
-WANTED = np.zeros((6, 8), bool)
-WANTED[2:4, 3:6] = True
+EXPECTED = np.zeros((6, 8), bool)
+EXPECTED[2:4, 3:6] = True
 """What a mask shows."""
 SMOOTH = np.clip(np.add.outer(np.arange(90), np.arange(130))[..., None] + [0, 20, 36], 0, 255).astype(np.uint8)
 
@@ -64,10 +64,10 @@ def test_16_bit_keeps_the_high_byte(tmp_path: Path, suffix: str, channels: int) 
     values = np.random.default_rng(channels).integers(0, 65536, (9, 11, channels)).astype(np.uint16)
     values[..., 3:] = 65535
     cv2.imwrite(str(tmp_path / f"c{suffix}"), values)
-    wanted = (values >> 8).astype(np.uint8)
-    wanted = np.repeat(wanted, 3, axis=2) if channels == 1 else wanted[..., 2::-1]
+    expected = (values >> 8).astype(np.uint8)
+    expected = np.repeat(expected, 3, axis=2) if channels == 1 else expected[..., 2::-1]
     with pytest.warns(UserWarning, match="has 16 bits a channel"):
-        assert np.array_equal(read_color(tmp_path / f"c{suffix}"), wanted)
+        assert np.array_equal(read_color(tmp_path / f"c{suffix}"), expected)
 
 
 @pytest.mark.parametrize("bits", [10, 12, 14, 15])
@@ -75,11 +75,11 @@ def test_pictures_of_fewer_bits_in_16_are_warned_of(tmp_path: Path, bits: int) -
     """Closed form: the bits that the largest value takes, up to a quarter of the range."""
     values = np.linspace(0, (1 << bits) - 1, 60).reshape(6, 10).astype(np.uint16)
     cv2.imwrite(str(tmp_path / "infrared.png"), values)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always")
         read_color(tmp_path / "infrared.png")
-    dark = [one for one in told if f"as of a camera of {bits} bits" in str(one.message)]
-    assert len(dark) == len(told) - 1 == (bits < 15)
+    dark = [one for one in reported if f"as of a camera of {bits} bits" in str(one.message)]
+    assert len(dark) == len(reported) - 1 == (bits < 15)
 
 
 def test_transparent_colours_of_a_palette_are_warned_of(tmp_path: Path) -> None:
@@ -100,8 +100,8 @@ def test_transparent_pixels_are_warned_of(tmp_path: Path, dtype: type) -> None:
     cv2.imwrite(str(tmp_path / "cut.png"), values)
     with pytest.warns(UserWarning) as caught:
         read_color(tmp_path / "cut.png")
-    told = [str(one.message) for one in caught if "16 bits" not in str(one.message)]
-    assert told == [
+    reported = [str(one.message) for one in caught if "16 bits" not in str(one.message)]
+    assert reported == [
         f"{tmp_path / 'cut.png'}: alpha is dropped; the colours of its transparent pixels (40 %) count as measured"
     ]
 
@@ -183,13 +183,13 @@ def test_grey_mask_is_refused_unless_soft(tmp_path: Path) -> None:
 
 def test_masks_of_other_kinds(tmp_path: Path) -> None:
     """Bilevel, 16-bit, grey RGB and opaque RGBA mean what they show; colour and transparency do not."""
-    grey = WANTED.astype(np.uint8) * 255
+    grey = EXPECTED.astype(np.uint8) * 255
     Image.fromarray(grey).convert("1").save(tmp_path / "1.png")
     cv2.imwrite(str(tmp_path / "16.png"), grey.astype(np.uint16) * 257)
     for mode in ("RGB", "RGBA", "P"):
         Image.fromarray(grey).convert(mode).save(tmp_path / f"{mode}.png")
     for name in ("1", "16", "RGB", "RGBA", "P"):
-        assert np.array_equal(read_mask(tmp_path / f"{name}.png"), WANTED), name
+        assert np.array_equal(read_mask(tmp_path / f"{name}.png"), EXPECTED), name
     half = np.where(np.indices(grey.shape)[0] < 3, 255, 0).astype(np.uint8)
     Image.fromarray(np.dstack([grey] * 3 + [half])).save(tmp_path / "clear.png")
     with pytest.raises(MaskError, match="transparent"):
@@ -207,16 +207,16 @@ def test_alpha_is_the_mask_where_pixels_are_transparent(tmp_path: Path, what: st
     red = np.full((6, 8, 3), (255, 0, 0))
     white = np.full((6, 8, 3), 255)
     rgb = {"plate": np.arange(144).reshape(6, 8, 3), "white": white, "black": white * 0, "red": red}[what]
-    Image.fromarray(np.dstack([rgb, WANTED * 255]).astype(np.uint8)).save(tmp_path / "cut.png")
+    Image.fromarray(np.dstack([rgb, EXPECTED * 255]).astype(np.uint8)).save(tmp_path / "cut.png")
     with pytest.warns(UserWarning, match="its alpha is the mask: what is opaque is removed"):
-        assert np.array_equal(read_mask(tmp_path / "cut.png"), WANTED)
+        assert np.array_equal(read_mask(tmp_path / "cut.png"), EXPECTED)
     with pytest.warns(UserWarning, match="alpha"):
-        assert np.array_equal(read_mask(tmp_path / "cut.png", mask_polarity="known"), ~WANTED)
+        assert np.array_equal(read_mask(tmp_path / "cut.png", mask_polarity="known"), ~EXPECTED)
 
 
 def test_mattes_in_floats(tmp_path: Path) -> None:
     """Oracle: the matte as written, by OpenEXR as alpha or grey, by OpenCV as TIFF; a soft edge is refused, or cut at a half."""
-    matte = WANTED.astype(np.float32)
+    matte = EXPECTED.astype(np.float32)
     soft = matte * np.float32(0.6)
     picture = {name: np.arange(48, dtype=np.float32).reshape(6, 8) + shift for shift, name in enumerate("RGB")}
     grey = dict.fromkeys("RGB", matte)
@@ -228,13 +228,13 @@ def test_mattes_in_floats(tmp_path: Path) -> None:
     }
     for name, channels in files.items():
         write_exr(tmp_path / f"{name}.exr", channels)
-        assert np.array_equal(read_mask(tmp_path / f"{name}.exr"), WANTED), name
+        assert np.array_equal(read_mask(tmp_path / f"{name}.exr"), EXPECTED), name
     cv2.imwrite(str(tmp_path / "float.tif"), matte * 1.05)
-    assert np.array_equal(read_mask(tmp_path / "float.tif"), WANTED)
+    assert np.array_equal(read_mask(tmp_path / "float.tif"), EXPECTED)
     write_exr(tmp_path / "soft.exr", {"A": soft})
     with pytest.raises(MaskError, match="soft_mask"):
         read_mask(tmp_path / "soft.exr")
-    assert np.array_equal(read_mask(tmp_path / "soft.exr", soft_mask=True), WANTED)
+    assert np.array_equal(read_mask(tmp_path / "soft.exr", soft_mask=True), EXPECTED)
     write_exr(tmp_path / "depth.exr", {"Z": matte * 7})
     with pytest.raises(MaskError, match="holds 0 to 7; a mask of floats is 0 to 1"):
         read_mask(tmp_path / "depth.exr")
@@ -252,9 +252,9 @@ def test_mask_class_by_name_and_by_color(tmp_path: Path) -> None:
     with pytest.raises(MaskError, match=r"no SemanticClasses\.csv"):
         read_mask(folder / "s.png", mask_class="object")
     (tmp_path / "with" / "SemanticClasses.csv").write_text("background,0,0,0\nobject,255,0,0\nsky,70,130,180\n")
-    wanted = (semantic == (255, 0, 0)).all(axis=2)
-    assert np.array_equal(read_mask(folder / "s.png", mask_class="object"), wanted)
-    assert np.array_equal(read_mask(folder / "s.png", mask_class="255, 0,0"), wanted)
+    expected = (semantic == (255, 0, 0)).all(axis=2)
+    assert np.array_equal(read_mask(folder / "s.png", mask_class="object"), expected)
+    assert np.array_equal(read_mask(folder / "s.png", mask_class="255, 0,0"), expected)
     with pytest.raises(MaskError, match="known: background, object, sky"):
         read_mask(folder / "s.png", mask_class="car")
     with pytest.raises(MaskError, match=r"no pixel shows class sky \(70,130,180\); found: 0,0,0 255,0,0"):
@@ -292,10 +292,13 @@ HEADS = {
 
 
 def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path) -> None:
-    """Message: the scene itself goes elsewhere; of points and mesh it is the scene beside them; other pictures are named."""
-    for name, told in (("s.npz", "a scene goes into view"), ("s.ply", r"the scene\.npz of the result goes into view")):
+    """Message: the scene itself goes elsewhere; of points and mesh it is the scene next to them; other pictures are named."""
+    for name, reported in (
+        ("s.npz", "a scene goes into view"),
+        ("s.ply", r"the scene\.npz of the result goes into view"),
+    ):
         (tmp_path / name).write_bytes(b"ply\n")
-        with pytest.raises(FileError, match=told):
+        with pytest.raises(FileError, match=reported):
             read_color(tmp_path / name)
     (tmp_path / "scene.npz").touch()
     with pytest.raises(FileError, match=r"is a directory, a file is expected \(.*scene\.npz\?\)$"):

@@ -32,7 +32,7 @@ EVERY = tuple(name for name in RESULTS if name not in ("disparity", "mask"))
 
 @pytest.fixture(scope="module")
 def removal() -> Completion:
-    """The box taken out, seen from 10 degrees to the right."""
+    """The box removed, seen from 10 degrees to the right."""
     _, shown = WORLD.trace(CAMERA)
     return remove(WORLD.rgbd(CAMERA), shown == 1, yaw=10, filler="telea", dilate=1)
 
@@ -110,7 +110,7 @@ def test_several_views(tmp_path: Path) -> None:
 
 
 def test_a_failure_leaves_nothing(removal: Completion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full disk half-way: the directory is not there, nor is anything beside it."""
+    """A full disk half-way: the directory is not there, nor is anything next to it."""
 
     def full(*_: object) -> None:
         raise OutputError("scene.glb: cannot be written: no space left on device")
@@ -134,9 +134,9 @@ def test_only_what_is_asked_for_is_written(
     write(removal, tmp_path, only=only, also=also)
     names = {*((only,) if isinstance(only, str) else BY_DEFAULT if only is None else only)}
     names |= {also} if isinstance(also, str) else {*also}
-    wanted = {file for name in names for file in RESULTS[name]}
-    assert {path.name for path in tmp_path.iterdir()} == wanted | {"meta.json"}
-    for file in wanted:
+    expected = {file for name in names for file in RESULTS[name]}
+    assert {path.name for path in tmp_path.iterdir()} == expected | {"meta.json"}
+    for file in expected:
         assert (tmp_path / file).read_bytes() == (folder / file).read_bytes()
     assert ("depth_png_clipped_pixels" in json.loads((tmp_path / "meta.json").read_text())) == ("depth" in names)
 

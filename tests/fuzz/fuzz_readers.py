@@ -41,7 +41,7 @@ def check(reader: Reader, folder: Path, edits: list[Edit]) -> None:
         while causes[-1] is not None:
             causes.append(causes[-1].__cause__ or causes[-1].__context__)
         if any(isinstance(cause, MemoryError) for cause in causes) and not reader.reserves:
-            raise MemoryError(f"told as: {error}") from error
+            raise MemoryError(f"reported as: {error}") from error
         if len(str(error)) > 1500 or "\n" in str(error) or str(folder) not in str(error):
             raise AssertionError(f"one line that names the file is expected: {str(error)[:200]}") from error
 

@@ -149,8 +149,8 @@ def scene_parts() -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-def read_beside(name: str, others: dict[str, bytes], read: Callable[[Path], Any]) -> Callable[[Path], Any]:
-    """A reader of a folder in which the damaged file has a name of its own and others lie beside it."""
+def read_next_to(name: str, others: dict[str, bytes], read: Callable[[Path], Any]) -> Callable[[Path], Any]:
+    """A reader of a folder in which the damaged file has a name of its own and others lie next to it."""
 
     def run(path: Path) -> None:
         folder = path.parent / "set"
@@ -244,10 +244,10 @@ def tables() -> list[Reader]:
         Reader("classes.csv", b"barrel,255,0,0\nwall, 1,2,3\n", read_classes),
         Reader("pose.txt", pose, read_pose),
         Reader("log.log", b"0 0 1\n" + pose + b"\n1 1 2\n" + pose, lambda path: read_log(path, 2)),
-        Reader("transforms.json", json.dumps(transforms).encode(), read_beside("transforms.json", pictures, frames_of),
+        Reader("transforms.json", json.dumps(transforms).encode(), read_next_to("transforms.json", pictures, frames_of),
                refused="two or more of one scene are expected"),
-        Reader("pairs.json", json.dumps(pairs).encode(), read_beside("pairs.json", pictures, frames_of)),
-        *(Reader(f"tum.{name}", tum[name], read_beside(name, {k: v for k, v in tum.items() if k != name}, frames_of),
+        Reader("pairs.json", json.dumps(pairs).encode(), read_next_to("pairs.json", pictures, frames_of)),
+        *(Reader(f"tum.{name}", tum[name], read_next_to(name, {k: v for k, v in tum.items() if k != name}, frames_of),
                  refused="no two of its")
           for name in ("rgb.txt", "depth.txt", "groundtruth.txt")),
         Reader("settings.json", to_json(PRESETS["tiny"].settings).encode(), text(from_json)),

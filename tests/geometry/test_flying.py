@@ -115,8 +115,8 @@ def test_noise_of_matching_tears_no_far_wall() -> None:
     inside = np.s_[2:-2, 2:-24]
     assert render(frame, target, "surface").hole[inside].mean() < 0.005
     assert not find_joints(View.from_rgbd(frame)).flying.any()
-    beside = render(matched(World((Box((-0.5, -0.6, 5), (0.5, 0.6, 5.5)), wall)), 0.15), target, "surface")
-    assert (beside.hole_type[inside] == HoleType.DISOCCLUDED).sum() > 200
+    next_to = render(matched(World((Box((-0.5, -0.6, 5), (0.5, 0.6, 5.5)), wall)), 0.15), target, "surface")
+    assert (next_to.hole_type[inside] == HoleType.DISOCCLUDED).sum() > 200
 
 
 @pytest.mark.parametrize("share", [0.005, 0.015])

@@ -99,7 +99,7 @@ def test_values_spread_outside_are_the_nearest_known() -> None:
     assert fill_with_nearest(values, known | True) is values
 
 
-def test_a_mask_of_numbers_is_told_how_it_becomes_one() -> None:
+def test_a_mask_of_numbers_is_reported_how_it_becomes_one() -> None:
     """Round trip: the advice of the message gives a mask that is taken."""
     for mask in (np.array([[0, 255]], np.uint8), np.array([[0, 1.0]])):
         with pytest.raises(MaskError) as refused:

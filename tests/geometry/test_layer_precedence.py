@@ -48,15 +48,15 @@ def test_of_two_layers_of_one_surface_the_first_stays(nearer: float, shown: tupl
 def test_nothing_filled_covers_what_was_measured_at_home(home: float) -> None:
     """Law: in its own camera a measured wall, and measured sky, stay before a filled layer half as far; a measured layer
     covers the wall. From elsewhere the filled layer is seen."""
-    beside = moved(CAMERA, shift=(0, 0, 0.5))
-    filled = Scene((wall(home, RED),), fills=(wall(0.5, GREEN, beside, Origin.FILLED),))
+    next_to = moved(CAMERA, shift=(0, 0, 0.5))
+    filled = Scene((wall(home, RED),), fills=(wall(0.5, GREEN, next_to, Origin.FILLED),))
     at_home = render(filled, CAMERA)
     np.testing.assert_array_equal(at_home.depth, home)
     np.testing.assert_array_equal(at_home.color, filled.layers[0].color)
     elsewhere = render(filled, moved(CAMERA, shift=(0.05, 0, 0)))
     np.testing.assert_array_equal(elsewhere.color[6:10, 9:15], np.broadcast_to(np.uint8(GREEN), (4, 6, 3)))
     if home < np.inf:
-        measured = render(Scene((wall(home, RED),), fills=(wall(0.5, GREEN, beside),)), CAMERA)
+        measured = render(Scene((wall(home, RED),), fills=(wall(0.5, GREEN, next_to),)), CAMERA)
         np.testing.assert_allclose(measured.depth[6:10, 9:15], 1, rtol=1e-5)
 
 
@@ -64,14 +64,14 @@ def test_nothing_filled_covers_what_was_measured_at_home(home: float) -> None:
 def test_in_sensor_holes_fills_give_depth_and_colors_stay(origin: Origin, frames: int) -> None:
     """Law: in its own camera a frame's colours stay bit for bit, in sensor holes too, as in a frame added to a completed scene;
     there the nearest of two fills, whose errors of colour do not apply, gives the depth."""
-    home, beside = wall(4, RED), moved(CAMERA, shift=(0.01, 0, 0))
+    home, next_to = wall(4, RED), moved(CAMERA, shift=(0.01, 0, 0))
     depth = home.depth.copy()
     depth[4:12, 6:18] = 0
     holed = View.from_rgbd(RGBD(home.color, depth, CAMERA))
-    fills = [wall(metres, GREEN, beside, origin) for metres in (3, 2)]
+    fills = [wall(metres, GREEN, next_to, origin) for metres in (3, 2)]
     errors = np.full((*CAMERA.hw, 2), 9, np.float32)
     scene = Scene(
-        (holed, wall(4, RED, beside))[:frames], fills=tuple(fill.with_planes(errors=errors) for fill in fills)
+        (holed, wall(4, RED, next_to))[:frames], fills=tuple(fill.with_planes(errors=errors) for fill in fills)
     )
     view = render(scene, CAMERA)
     np.testing.assert_array_equal(view.color, home.color)

@@ -243,7 +243,7 @@ def test_nouns_keep_what_they_were_given() -> None:
         lambda color: np.dstack([color, color[..., :1]]),
     ],
 )
-def test_what_a_wrong_picture_is_told_makes_a_right_one(usual) -> None:
+def test_what_a_wrong_picture_is_reported_makes_a_right_one(usual) -> None:
     """Round trip: the advice of the message, done to the array that was given, gives the picture back."""
     picture = np.random.default_rng(0).integers(0, 256, (5, 7, 3), np.uint8)
     with pytest.raises(ShapeError) as refused:

@@ -58,11 +58,11 @@ def test_project_undoes_lift(rgbd: RGBD) -> None:
 def test_lift_is_ray_times_depth_in_the_world(rgbd: RGBD) -> None:
     """Oracle: the definition, written per pixel with 4x4 homogeneous coordinates."""
     directions = rays(rgbd.camera)
-    wanted = [
+    expected = [
         (rgbd.camera.world_from_cam @ [*(directions[row, column] * rgbd.depth[row, column]), 1])[:3]
         for row, column in np.argwhere(rgbd.valid)
     ]
-    np.testing.assert_allclose(lift(rgbd).points, np.reshape(wanted, (-1, 3)), rtol=1e-12, atol=1e-11)
+    np.testing.assert_allclose(lift(rgbd).points, np.reshape(expected, (-1, 3)), rtol=1e-12, atol=1e-11)
 
 
 def test_provenance_of_points() -> None:
@@ -87,8 +87,8 @@ def test_provenance_of_points() -> None:
     assert cloud.color.tolist() == [[0, 1, 2], [6, 7, 8]]
 
 
-def test_points_beside_or_behind_the_camera_have_no_pixel() -> None:
-    """Closed form: only z > 0 has coordinates; z is told in any case."""
+def test_points_next_to_or_behind_the_camera_have_no_pixel() -> None:
+    """Closed form: only z > 0 has coordinates; z is reported in any case."""
     camera = Camera.from_fov(4, 4, 90)
     pixels, z = project(np.array([[0.0, 0, 1], [1, 0, 0], [0, 0, 0], [0, 0, -2]]), camera)
     np.testing.assert_array_equal(pixels[0], [2, 2])

@@ -113,11 +113,11 @@ def test_points_mode(seed: int) -> None:
     frame, target, rng = pair(seed)
     source = without_sky(frame, rng)
     depth, _, _ = mesh_of(RGBD(source.color, source.depth, source.camera))
-    told, index, unsure = points.nearest_points(depth, source.camera, target, NEAR)
+    reported, index, unsure = points.nearest_points(depth, source.camera, target, NEAR)
     view = render(source, target, "points")
     assert unsure.mean() < 0.05
-    np.testing.assert_array_equal(view.hole[~unsure], told[~unsure] == 0)
-    np.testing.assert_allclose(view.depth[~unsure], told[~unsure], rtol=1e-6)
+    np.testing.assert_array_equal(view.hole[~unsure], reported[~unsure] == 0)
+    np.testing.assert_allclose(view.depth[~unsure], reported[~unsure], rtol=1e-6)
     seen = ~unsure & (index >= 0)
     row, column = np.divmod(index[seen], depth.shape[1])
     np.testing.assert_array_equal(view.color[seen], source.color[row, column])
@@ -135,16 +135,16 @@ def test_surface_mode(seed: int) -> None:
     frame, target, rng = pair(seed)
     source = without_sky(frame, rng)
     depth, right, down = mesh_of(RGBD(source.color, source.depth, source.camera))
-    told = rasteriser.draw(depth, right, down, source.camera, target, NEAR)
-    sure = ~told.unsure
+    reported = rasteriser.draw(depth, right, down, source.camera, target, NEAR)
+    sure = ~reported.unsure
     assert sure.mean() > 0.85
     view = render(source, target, fine=False)
-    np.testing.assert_array_equal(view.hole[sure], told.depth[sure] == 0)
-    np.testing.assert_allclose(view.depth[sure], told.depth[sure], rtol=1e-3)
-    off = np.abs(view.color - rasteriser.shade(told, right, down, frame.color))[sure]
+    np.testing.assert_array_equal(view.hole[sure], reported.depth[sure] == 0)
+    np.testing.assert_allclose(view.depth[sure], reported.depth[sure], rtol=1e-3)
+    off = np.abs(view.color - rasteriser.shade(reported, right, down, frame.color))[sure]
     assert off.max(initial=0) <= 1.5
-    seen = sure & (told.depth > 0) & (np.abs(told.where % 1 - 0.5).min(-1) > 0.01)  # a nearest pixel there is
-    column, row = told.where[seen].round().astype(int).T
+    seen = sure & (reported.depth > 0) & (np.abs(reported.where % 1 - 0.5).min(-1) > 0.01)  # a nearest pixel there is
+    column, row = reported.where[seen].round().astype(int).T
     origin, confidence = carried(source, row, column)
     np.testing.assert_array_equal(view.origin[seen], origin)
     np.testing.assert_array_equal(view.confidence[seen], confidence)
@@ -169,8 +169,8 @@ def test_fine_colors(seed: int) -> None:
     small = Camera(width, height, lens.fx * width / 26, lens.fy * height / 22, width / 2, height / 2)
     target = moved(small.at(lens.world_from_cam), tuple(rng.uniform(-6, 6, 3)), tuple(rng.uniform(-0.3, 0.3, 3)))
     depth, right, down = mesh_of(frame)
-    told = rasteriser.draw(depth, right, down, frame.camera, target, NEAR)
-    color, counts, unsure = rasteriser.shade_finely(told, right, down, frame.color)
+    reported = rasteriser.draw(depth, right, down, frame.camera, target, NEAR)
+    color, counts, unsure = rasteriser.shade_finely(reported, right, down, frame.color)
     assert (~unsure).mean() > 0.6
     assert (counts == 1).any() if seed % 2 == 0 else (counts > 1).any()
     off = np.abs(render(frame, target).color - color)[~unsure]
@@ -207,8 +207,8 @@ def test_fine_sky() -> None:
     inside = (u > 4) & (u < 36) & (v > 4) & (v < 26)
     assert inside.mean() > 0.6
     planes = color.astype(float).transpose(2, 0, 1)
-    told = np.stack([map_coordinates(plane, [v - 0.5, u - 0.5], order=3, mode="mirror") for plane in planes], -1)
-    assert np.abs(view.color - np.clip(told, 0, 255))[inside].max() <= 1.5
+    reported = np.stack([map_coordinates(plane, [v - 0.5, u - 0.5], order=3, mode="mirror") for plane in planes], -1)
+    assert np.abs(view.color - np.clip(reported, 0, 255))[inside].max() <= 1.5
 
 
 @pytest.mark.parametrize("mode", ["surface", "points"])
@@ -221,9 +221,9 @@ def test_hole_types(seed: int, mode: str) -> None:
     gone[3:6, 2:5] = rng.random() < 0.5
     scene = Scene((source.without(gone, HoleType.OBJECT),), (source.without(~gone, HoleType.NONE),))
     view = render(scene, target, mode)  # type: ignore[arg-type]
-    told, unsure = types_of(scene, target, view.hole, crack_rank=5 if mode == "points" else 1)
+    reported, unsure = types_of(scene, target, view.hole, crack_rank=5 if mode == "points" else 1)
     assert unsure.mean() < 0.1
-    np.testing.assert_array_equal(view.hole_type[~unsure], told[~unsure])
+    np.testing.assert_array_equal(view.hole_type[~unsure], reported[~unsure])
 
 
 def types_of(scene: Scene, target: Camera, hole: np.ndarray, crack_rank: int) -> tuple[np.ndarray, np.ndarray]:

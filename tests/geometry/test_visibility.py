@@ -36,7 +36,7 @@ def random_frame(rng: np.random.Generator, height: int = 9, width: int = 12) -> 
     return RGBD(rng.integers(0, 256, (height, width, 3), np.uint8), depth.astype(np.float32), camera)
 
 
-def beside(rng: np.random.Generator, source: Camera, height: int = 10, width: int = 11) -> Camera:
+def next_to(rng: np.random.Generator, source: Camera, height: int = 10, width: int = 11) -> Camera:
     """Another lens some steps aside, turned so that much of the same is in view."""
     lens = random_camera(rng, width, height).at(source.world_from_cam)
     return moved(lens, tuple(rng.uniform(-15, 15, 3)), tuple(rng.uniform(-1, 1, 3)))
@@ -53,7 +53,7 @@ def setup(seed: int) -> tuple[RGBD, Law, Camera, np.ndarray, np.ndarray]:
     """A source frame and its law, a camera elsewhere, and random depth there."""
     rng = np.random.default_rng(seed)
     frame = random_frame(rng)
-    target = beside(rng, frame.camera)
+    target = next_to(rng, frame.camera)
     return frame, Law.of(Scene((View.from_rgbd(frame),))), target, *proposal(rng, target)
 
 
@@ -113,8 +113,8 @@ def two_frames(seed: int) -> tuple[tuple[RGBD, RGBD], Camera, np.ndarray, np.nda
     """Two source frames whose cameras stand aside, a third camera, and random depth there."""
     rng = np.random.default_rng(seed)
     one, two = random_frame(rng), random_frame(rng)
-    two = RGBD(two.color, two.depth, beside(rng, one.camera, *two.camera.hw))
-    target = beside(rng, one.camera)
+    two = RGBD(two.color, two.depth, next_to(rng, one.camera, *two.camera.hw))
+    target = next_to(rng, one.camera)
     return (one, two), target, *proposal(rng, target)
 
 
@@ -187,14 +187,14 @@ def test_the_checker_sees_a_planted_violation() -> None:
     assert sorted(zip(*np.nonzero(violations(with_depth(planted), law)))) == [(0, 3), (4, 5)]
 
 
-def test_a_scene_lays_down_what_was_measured_and_what_was_taken_out() -> None:
+def test_a_scene_lays_down_what_was_measured_and_what_was_removed() -> None:
     """Closed form: the object's own depth counts where the background layer is empty; filled layers count for nothing."""
     camera = Camera.from_fov(4, 1, 60)
     frame = RGBD(np.zeros((1, 4, 3), np.uint8), np.array([[1, 2, 0, np.inf]], np.float32), camera)
     source = View.from_rgbd(frame)
     taken = np.array([[True, False, False, False]])
-    background, thing = source.without(taken, HoleType.OBJECT), source.without(~taken, HoleType.NONE)
+    background, item = source.without(taken, HoleType.OBJECT), source.without(~taken, HoleType.NONE)
     filled, _ = inpaint(background, find_filler("telea"), FillContext(Law(())))
-    law = Law.of(Scene((background,), (thing,), (filled.without(~filled.filled, HoleType.NONE),)))
+    law = Law.of(Scene((background,), (item,), (filled.without(~filled.filled, HoleType.NONE),)))
     assert len(law.measured) == 1
     np.testing.assert_array_equal(law.measured[0][1], frame.depth)

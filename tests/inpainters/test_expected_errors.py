@@ -110,7 +110,7 @@ def test_they_are_calibrated_on_held_out_worlds() -> None:
 @pytest.mark.slow
 def test_confidence_is_calibrated_on_held_out_worlds() -> None:
     """Truth: what is predicted and what is right differ by at most .12 in ten bins of all
-    pixels, and by at most .1 on average; the surest fifth is right far more often."""
+    pixels, and by at most .1 on average; the most confident fifth is right far more often."""
     predicted, right = [], []
     for view, truth, levels in held_out():
         known = view.filled & (truth.depth > 0)

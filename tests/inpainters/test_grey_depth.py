@@ -54,8 +54,8 @@ def test_telea_by_the_letter_is_opencv_on_two_pictures() -> None:
     view = slope(hole)
     fill = with_grey_depth(telea, 10.0)(view, NOTHING, 0)
     grey = np.round(255 * np.minimum(np.where(hole, 0, view.depth), 10) / 10).astype(np.uint8)
-    wanted = cv2.inpaint(grey, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA)
-    np.testing.assert_allclose(fill.depth, wanted * (10 / 255), rtol=1e-6)
+    expected = cv2.inpaint(grey, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA)
+    np.testing.assert_allclose(fill.depth, expected * (10 / 255), rtol=1e-6)
     np.testing.assert_array_equal(fill.color, cv2.inpaint(view.color, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA))
     assert fill.notes["depth_as"] == "8-bit picture" and fill.notes["depth_channel_spread"] == 0
 

@@ -43,7 +43,7 @@ STEPS = 3
 
 @pytest.mark.parametrize("metres", [0.05, 1.37, 499.0])
 @pytest.mark.parametrize("nearest", [1.0, 0.4])
-def test_a_constant_plane_goes_on_at_its_depth(metres: float, nearest: float) -> None:
+def test_a_constant_plane_continues_at_its_depth(metres: float, nearest: float) -> None:
     """Closed form: within a few 16-bit steps, whose full scale is the nearest pixel (here the plane itself, or a pixel at
     0.4 times its depth in a corner, which plays no part in the hole). Colour likewise, in steps of 8 bits."""
     depth = np.full((40, 60), metres)
@@ -62,8 +62,8 @@ def test_parts_of_a_hole_are_filled_as_the_whole(levels: tuple[int, int, tuple[i
     for _ in range(14):
         row, column, height, width = (int(rng.integers(n)) for n in (70, 90, 12, 12))
         hole[row : row + height, column : column + width] = True
-    wanted = cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, cv2.INPAINT_TELEA)
-    np.testing.assert_array_equal(paint(picture, hole), wanted)
+    expected = cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, cv2.INPAINT_TELEA)
+    np.testing.assert_array_equal(paint(picture, hole), expected)
 
 
 def test_filled_depth_stays_between_what_is_known() -> None:
@@ -98,8 +98,8 @@ def test_one_value_stays_itself(spread, hw):
     """Closed form, also of what is spread in a smaller picture."""
     known = known_pixels(hw)
     color = np.where(known[..., None], np.array([200, 100, 50], np.uint8), np.uint8(0))
-    wanted = np.broadcast_to(color[known][0], color.shape)
-    np.testing.assert_allclose(spread(color, known), wanted, atol=DRIFT)
+    expected = np.broadcast_to(color[known][0], color.shape)
+    np.testing.assert_allclose(spread(color, known), expected, atol=DRIFT)
 
 
 def test_what_is_asked_for_is_what_all_is_there():

@@ -59,9 +59,9 @@ def test_results_are_those_of_the_verbs(tmp_path: Path) -> None:
     dlama.write(dlama.remove(rgbd, mask, filler="telea"), alone / "b", only=("image", "depth"))
     with pytest.warns(UserWarning, match="scale of the estimated depth is assumed"):
         dlama.write_depth(dlama.read_rgbd(tmp_path / "image.png", fov=60), alone / "c")
-    mine, wanted = contents(tmp_path / "out"), contents(alone)
-    assert set(mine) == set(wanted)
-    assert [name for name in wanted if mine[name] != wanted[name] and not name.endswith("meta.json")] == []
+    mine, expected = contents(tmp_path / "out"), contents(alone)
+    assert set(mine) == set(expected)
+    assert [name for name in expected if mine[name] != expected[name] and not name.endswith("meta.json")] == []
     assert results["missing"].error == f"{tmp_path / 'nothing.png'}: no such file"
     assert results["words"].error == f"{tmp_path / 'jobs.csv'}: line 5: yaw is 'five'; a number is expected"
     assert "no camera move is given" in results["still"].error
@@ -265,7 +265,7 @@ def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.M
     assert {row.status for row in run(tmp_path, view_rows(9))} == {"done"}
 
 
-def test_a_full_disk_is_told_with_the_result_and_leaves_nothing(
+def test_a_full_disk_is_reported_with_the_result_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The message names where the file was to lie, not where it was made (oracle: by hand); no draft stays."""

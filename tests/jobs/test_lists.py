@@ -24,14 +24,14 @@ def jobs_of(path: Path) -> list[tuple[str, str, dict[str, object], str | None]]:
 
 def test_all_forms_say_the_same(tmp_path: Path) -> None:
     """Paths start from the list's folder, defaults fill in, empty values and notes are left out (oracle: by hand)."""
-    wanted = [
+    expected = [
         ("a", "view", {"fov": 60.0, "image": str(tmp_path / "x.png"), "yaw": 3.0}, None),
         ("b/c", "view", {"fov": 60.0, "image": "/whole/y.png", "yaw": -4.5}, None),
     ]
     (tmp_path / "jobs.jsonl").write_text("\n".join(map(json.dumps, ROWS)) + "\n\n")
     lines = ["\ufeffid,verb,image,yaw,fov,_note", "a,view,x.png,3,,hi", "", "b/c, view ,/whole/y.png,-4.5,,"]
     (tmp_path / "jobs.csv").write_text("\n".join(lines), encoding="utf-8")
-    assert jobs_of(tmp_path / "jobs.jsonl") == jobs_of(tmp_path / "jobs.csv") == wanted
+    assert jobs_of(tmp_path / "jobs.jsonl") == jobs_of(tmp_path / "jobs.csv") == expected
 
 
 def test_parquet(tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def test_a_run_whose_only_node_dies_ends_and_is_resumed(tmp_path: Path) -> None:
     assert {row["id"]: row["status"] for row in table(tmp_path / "out").values()} == {row["id"]: "done" for row in rows}
 
 
-def test_without_ray_the_pip_line_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ray_the_pip_line_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before anything is run (oracle: the message)."""
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"ray=local needs the package 'ray': pip install 'dlama\[batch\]'"):
@@ -99,7 +99,7 @@ def test_numbers_that_cannot_be() -> None:
         batch([], "out", ray="local", gpus_per_worker=-1)
 
 
-def test_a_cluster_that_is_not_there_is_told_at_once() -> None:
+def test_a_cluster_that_is_not_there_is_reported_at_once() -> None:
     """Law: HOST:PORT that takes no connection ends before Ray tries for minutes; so does what is no port."""
     no_ray = SimpleNamespace(is_initialized=lambda: False)
     with socket.create_server(("127.0.0.1", 0)) as server:

@@ -47,17 +47,17 @@ def test_a_path_in_a_row_is_a_file() -> None:
     assert job.error is None and job.files == {"image": str(Path("/list/rgb/a.png"))}
     given = check_defaults(None, {"camera": "cam.json", "depth_model": "moge-small", "to": Path("to.json"), "fov": 3})
     here = Path.cwd()
-    wanted = {"camera": str(here / "cam.json"), "depth_model": "moge-small", "to": str(here / "to.json"), "fov": 3}
-    assert given == wanted
+    expected = {"camera": str(here / "cam.json"), "depth_model": "moge-small", "to": str(here / "to.json"), "fov": 3}
+    assert given == expected
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_names_are_those_of_the_command_line(verb: str) -> None:
     """Oracle: the verb's signature; depth and mask of `remove` are one option there, output and report the list's affair."""
-    wanted = options_of(verb) - {"output", "quiet", "json"}
-    if "depth_and_mask" in wanted:
-        wanted = wanted - {"depth_and_mask"} | {"depth", "mask"}
-    assert set(VERBS[verb]) == wanted
+    expected = options_of(verb) - {"output", "quiet", "json"}
+    if "depth_and_mask" in expected:
+        expected = expected - {"depth_and_mask"} | {"depth", "mask"}
+    assert set(VERBS[verb]) == expected
     assert verb in PERFORM and set(PERFORM) == set(VERBS)
 
 

@@ -29,8 +29,8 @@ def test_what_is_in_the_file_and_what_it_gives(tmp_path: Path) -> None:
     assert list(model.outputs) == ["filled"] and model.outputs["filled"][1][1] == 3
     assert "dlama.contract" in model.metadata
     fed = {"planes": np.zeros((1, 4, 5, 6), np.float32)}
-    wanted = np.broadcast_to(np.float32([0.1, 0.2, 0.3])[:, None, None], (1, 3, 5, 6))
-    np.testing.assert_array_equal(model.run(fed), wanted)
+    expected = np.broadcast_to(np.float32([0.1, 0.2, 0.3])[:, None, None], (1, 3, 5, 6))
+    np.testing.assert_array_equal(model.run(fed), expected)
     assert len(model.run_all(fed)) == 1
     assert model.notes["model"] == "c.onnx" and model.notes["provider"] in PROVIDERS
 

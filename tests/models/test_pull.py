@@ -29,10 +29,10 @@ def a_record(*urls: str, known: bool = True, body: bytes = BODY, member: str | N
     return Record("toy", "a toy", urls, sha256, len(body) if known else None, "MIT", "lama-weights", "toy.pt", member)
 
 
-def refused(wanted: Record) -> str:
+def refused(expected: Record) -> str:
     """The message with which it is refused, after checking that it says the way by hand and nothing was put in place."""
     with pytest.raises(FileError) as caught:
-        pull(wanted)
+        pull(expected)
     message = str(caught.value)
     assert "\n" not in message
     assert "By hand: download" in message and "toy.pt, then `dlama models verify toy`" in message
@@ -50,12 +50,12 @@ def test_a_good_server(server: Server, cache_dir: Path, chunked: bool) -> None:
     else is left, and a second pull asks nobody."""
     seen: list[tuple[int, int | None]] = []
     there = server.add("/there", Site(BODY, chunked=chunked))
-    wanted = a_record(server.add("/a", Site(status=302, to=there)))
-    path = pull(wanted, lambda done, total: seen.append((done, total)))
+    expected = a_record(server.add("/a", Site(status=302, to=there)))
+    path = pull(expected, lambda done, total: seen.append((done, total)))
     assert path == cache_dir / "toy.pt" and path.read_bytes() == BODY
     assert seen[-1] == (len(BODY), len(BODY)) and seen == sorted(seen)
     assert leftovers(cache_dir) == ["toy.pt"]
-    pull(wanted)
+    pull(expected)
     assert len(server.asked) == 2
 
 
@@ -71,14 +71,14 @@ def test_redirects_from_https_to_http_are_not(server: Server, monkeypatch: pytes
     assert "redirects from https to http://" in refused(a_record(address))
 
 
-def test_goes_on_where_it_broke_off(server: Server) -> None:
+def test_continues_where_it_broke_off(server: Server) -> None:
     """Within one pull: the second request asks for the rest only."""
     pulled = pull(a_record(server.add("/a", Site(BODY, stops_after=[300_000, 400_000]))))
     assert pulled.read_bytes() == BODY
     assert [asked for _, asked in server.asked] == [None, "bytes=300000-", "bytes=700000-"]
 
 
-def test_a_later_pull_goes_on(server: Server, cache_dir: Path) -> None:
+def test_a_later_pull_continues(server: Server, cache_dir: Path) -> None:
     """Even after giving up: the .part file is kept, and used by the next pull."""
     url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
     assert "broke off after 100000 of 1024000 bytes; pulling again continues from there" in refused(a_record(url))
@@ -136,8 +136,8 @@ def test_a_part_file_that_is_of_no_use(server: Server, cache_dir: Path, part: by
 )
 def test_servers_that_do_not_give_the_file(server: Server, cache_dir: Path, site: Site, message: str) -> None:
     """Each has its own words; only what the next pull continues from is left behind."""
-    told = refused(a_record(server.add("/a", site)))
-    assert re.search(message, told), told
+    reported = refused(a_record(server.add("/a", site)))
+    assert re.search(message, reported), reported
     assert leftovers(cache_dir) == (["toy.pt.part"] if "broke off" in message else [])
 
 
@@ -170,30 +170,32 @@ def test_mirrors_in_order(server: Server) -> None:
     assert pull(a_record(gone, wrong, good, unused)).read_bytes() == BODY
     assert [path for path, _ in server.asked] == ["/gone", "/wrong", "/good"]
     (pull(a_record(good))).unlink()
-    told = refused(a_record(gone, wrong))
-    assert "no mirror gave the right file" in told and told.index("/gone: moved") < told.index("/wrong: corrupted")
+    reported = refused(a_record(gone, wrong))
+    assert "no mirror gave the right file" in reported and reported.index("/gone: moved") < reported.index(
+        "/wrong: corrupted"
+    )
 
 
 def test_a_bad_file_in_the_cache_is_replaced(server: Server, cache_dir: Path) -> None:
     """Only by a good one: with a bad server it stays, with a good one it goes."""
     cache_dir.mkdir()
     (cache_dir / "toy.pt").write_bytes(b"old")
-    wanted = a_record(server.add("/a", Site(WRONG)))
-    refused(wanted)
+    expected = a_record(server.add("/a", Site(WRONG)))
+    refused(expected)
     assert (cache_dir / "toy.pt").read_bytes() == b"old"
     server.sites["/a"] = Site(BODY)
-    assert pull(wanted).read_bytes() == BODY
+    assert pull(expected).read_bytes() == BODY
 
 
 def test_an_unknown_hash_is_pinned(server: Server, cache_dir: Path) -> None:
     """The first pull writes it down; another file under that address is refused from then on."""
-    wanted = a_record(server.add("/a", Site(BODY)), known=False)
-    path = pull(wanted)
+    expected = a_record(server.add("/a", Site(BODY)), known=False)
+    path = pull(expected)
     pins = json.loads((cache_dir / "pins.json").read_text())
     assert pins == {"toy.pt": {"sha256": hashlib.sha256(BODY).hexdigest(), "bytes": len(BODY)}}
     path.unlink()
     server.sites["/a"] = Site(WRONG)
-    assert "pinned when it was first used; remove its entry in pins.json" in refused(wanted)
+    assert "pinned when it was first used; remove its entry in pins.json" in refused(expected)
     assert not path.exists()
 
 
@@ -209,8 +211,8 @@ def a_zip(**entries: bytes) -> bytes:
 def test_one_entry_of_a_zip_is_kept(server: Server, cache_dir: Path) -> None:
     """The checkpoint, wherever in the archive it is; the archive itself goes."""
     url = server.add("/a", Site(a_zip(bigSmodelsSbestDckpt=BODY, bigSconfigDyaml=b"x")))
-    wanted = a_record(url, known=False, member="models/best.ckpt")
-    assert pull(wanted).read_bytes() == BODY
+    expected = a_record(url, known=False, member="models/best.ckpt")
+    assert pull(expected).read_bytes() == BODY
     assert leftovers(cache_dir) == ["pins.json", "toy.pt"]
 
 
@@ -220,9 +222,9 @@ def test_zips_that_do_not_hold_it(server: Server, cache_dir: Path) -> None:
     damaged[200:240] = bytes(40)
     cases = ((a_zip(other=b"x"), "a ZIP with 0 entries"), (BODY, "no ZIP archive"), (bytes(damaged), "no ZIP archive"))
     for body, words in cases:
-        wanted = a_record(server.add("/a", Site(body)), known=False, member="models/best.ckpt")
+        expected = a_record(server.add("/a", Site(body)), known=False, member="models/best.ckpt")
         with pytest.raises(FileError, match=words):
-            pull(wanted)
+            pull(expected)
         assert leftovers(cache_dir) == []
 
 

@@ -36,7 +36,7 @@ class Exploit:
         return os.system, (f"touch {self.marker}",)
 
 
-def test_an_exploit_is_inert_and_the_weights_beside_it_are_read(tmp_path):
+def test_an_exploit_is_inert_and_the_weights_next_to_it_are_read(tmp_path):
     """Oracle: the marker file; and the guard can fail: the standard unpickler runs the very same object."""
     torch = pytest.importorskip("torch", reason="writing a torch file needs torch: pip install 'dlama[train]'")
     marker = tmp_path / "ran"

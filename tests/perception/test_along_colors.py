@@ -161,7 +161,7 @@ def test_bled_depth_of_a_matcher_does_not_spread() -> None:
 
 
 @pytest.mark.parametrize("where", ["strip at the border", "patch over an edge"])
-def test_a_table_goes_on_as_far_as_its_colour(where: str) -> None:
+def test_a_table_continues_as_far_as_its_colour(where: str) -> None:
     """A Kinect sees no depth in places: table, its edge and the floor below continue there as the colours do."""
     rows, columns = np.indices((HEIGHT, WIDTH))
     floor, table = 1 / (0.1 + 0.005 * (rows + 20)), 1 / (0.55 + 0.004 * rows)
@@ -175,7 +175,7 @@ def test_a_table_goes_on_as_far_as_its_colour(where: str) -> None:
     assert (off > 0.03).mean() < 0.01
 
 
-def test_a_thing_that_lost_its_depth_keeps_its_outline() -> None:
+def test_an_object_that_lost_its_depth_keeps_its_outline() -> None:
     """Most of a mug lies in the strip at the border that a Kinect sees no depth of: it ends at its outline."""
     rows, columns = np.indices((HEIGHT, WIDTH))
     mug = (rows - 80) ** 2 + (columns - 100) ** 2 < 22**2

@@ -144,7 +144,7 @@ SMALL = Camera.from_fov(192, 144, 60)
 LONG_ROOM = World((FLOOR, Plane((0, 0, 9), (0, 0, -1)), Box((-0.5, 0.0, 1.6), (0.5, 1.0, 2.2))))
 
 
-def test_a_room_goes_on_where_the_range_ends() -> None:
+def test_a_room_continues_where_the_range_ends() -> None:
     """Law: what was not seen lies beyond the range, though a table that is nearer touches it; what was measured stays."""
     true = LONG_ROOM.rgbd(SMALL)
     lost = true.depth > 4

@@ -59,21 +59,21 @@ def test_the_picture_is_normalised_as_the_contract_says(tmp_path: Path) -> None:
         color = np.random.default_rng(1).integers(0, 256, (contract.sides[-1], 56 * contract.multiple, 3), np.uint8)
         network = NetworkFile(weighted_sum(tmp_path / "n.onnx", bias=3))
         found = predict(network, one, color)
-        wanted = shown(color, np.array(contract.mean), np.array(contract.std), contract.scale) + 3
-        np.testing.assert_allclose(found.values, wanted, rtol=1e-4, atol=1e-4, err_msg=name)
+        expected = shown(color, np.array(contract.mean), np.array(contract.std), contract.scale) + 3
+        np.testing.assert_allclose(found.values, expected, rtol=1e-4, atol=1e-4, err_msg=name)
         assert (found.gives, found.metric) == (contract.gives, contract.metric)
         assert found.notes["model"] == "n.onnx" and len(found.notes["model_sha256"]) == 64
 
 
 @pytest.mark.parametrize(
-    ("hw", "wanted"),
+    ("hw", "expected"),
     [((480, 640), (518, 686)), ((640, 480), (686, 518)), ((518, 518), (518, 518)), ((480, 848), (518, 910))],
 )
-def test_the_shorter_side_is_518_and_both_are_multiples_of_14(hw: tuple[int, int], wanted: tuple[int, int]) -> None:
+def test_the_shorter_side_is_518_and_both_are_multiples_of_14(hw: tuple[int, int], expected: tuple[int, int]) -> None:
     """Oracle: the sizes that the published preprocessor of Depth Anything V2 gives (518, lower bound, multiple of 14)."""
     contract = ESTIMATORS["depth-anything-small"]
-    assert contract.input_sizes(hw) == [wanted]
-    assert contract.tensor(np.zeros((*hw, 3), np.uint8), wanted).shape == (1, 3, *wanted)
+    assert contract.input_sizes(hw) == [expected]
+    assert contract.tensor(np.zeros((*hw, 3), np.uint8), expected).shape == (1, 3, *expected)
 
 
 @pytest.mark.parametrize("hw", [(2, 3000), (8000, 100), (500, 4000)])
@@ -104,8 +104,8 @@ def test_a_graph_of_one_size_is_shown_the_picture_stretched_to_it(tmp_path: Path
     """Closed form, whatever sides the contract names: the network's answer to the stretched picture."""
     contract = DepthContract("depth", metric=True, scale=1.0, side=(128, 192), multiple=16)
     network = NetworkFile(weighted_sum(tmp_path / "n.onnx", (1, 3, 24, 32)))
-    wanted = shown(cv2.resize(COLOR, (32, 24), interpolation=cv2.INTER_AREA), np.zeros(3), np.ones(3), 1)
-    np.testing.assert_allclose(predict(network, contract, COLOR).values, wanted, rtol=1e-4)
+    expected = shown(cv2.resize(COLOR, (32, 24), interpolation=cv2.INTER_AREA), np.zeros(3), np.ones(3), 1)
+    np.testing.assert_allclose(predict(network, contract, COLOR).values, expected, rtol=1e-4)
 
 
 def test_both_ranks(tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ def test_the_contract_of_the_docs_is_one(tmp_path: Path) -> None:
 def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
     """Law: the file, what came and what was expected."""
     plain = weighted_sum(tmp_path / "plain.onnx")
-    for model, told in (
+    for model, reported in (
         (
             constant(tmp_path / "lama.onnx", 3, 0, 0, 0),
             r"lama\.onnx: is a network 'lama' by its contract; monocular depth",
@@ -182,7 +182,7 @@ def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
         (tmp_path / "none.onnx", "no such model file"),
         ("tcmonodepth=none.onnx", r"none\.onnx: no such model file"),
     ):
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=reported):
             estimate_depth(COLOR, Camera.from_fov(64, 48, 60), depth_model=model)
     names = ("points", "mask", "height")
     other = point_network(tmp_path / "p.onnx", np.ones((48, 64, 3)), np.ones((48, 64)), 1, names)
@@ -194,7 +194,7 @@ def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "reported"),
     [
         ({"gives": "disparity"}, "gives is 'disparity'; one of depth, inverse depth, points"),
         ({"std": (1.0, 0.0, 1.0)}, "std and scale above 0"),
@@ -203,7 +203,7 @@ def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
         ({"side": (24, 48), "gives": "points"}, "2 sides are for one map"),
     ],
 )
-def test_contracts_that_cannot_be(changes: dict[str, Any], told: str) -> None:
+def test_contracts_that_cannot_be(changes: dict[str, Any], reported: str) -> None:
     """Law: refused when made."""
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=reported):
         DepthContract(**{"gives": "depth", **changes})

@@ -97,9 +97,9 @@ def test_nothing_known_is_said_and_written() -> None:
     for hw, fx in (((48, 64), 32), ((64, 48), 32)):
         color = np.random.default_rng(0).integers(0, 256, (*hw, 3), np.uint8)
         flat = RGBD(color, np.full(hw, 0.25, np.float32), Camera.from_fov(hw[1], hw[0], 60))
-        with pytest.warns(UserWarning) as told:
+        with pytest.warns(UserWarning) as reported:
             found = estimate_depth(color, depth_model=knowing(flat, "inverse depth", metric=False))
-        assert [word in str(one.message) for word, one in zip(("field of view is assumed", "scale of"), told)] == [
+        assert [word in str(one.message) for word, one in zip(("field of view is assumed", "scale of"), reported)] == [
             True,
             True,
         ]
@@ -133,7 +133,7 @@ def test_smaller_maps_are_enlarged_in_inverse_depth() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "kind", "told"),
+    ("options", "kind", "reported"),
     [
         ({"depth_model": "nonsense"}, InputError, "depth_model is 'nonsense'; one of tcmonodepth, .*an ONNX file"),
         ({"depth_model": "depth-anything-small"}, FileError, "dlama models pull depth-anything-small"),
@@ -150,12 +150,12 @@ def test_smaller_maps_are_enlarged_in_inverse_depth() -> None:
     ids=lambda value: str(value) if isinstance(value, dict) else "",
 )
 def test_bad_options_get_one_line(
-    options: dict[str, Any], kind: type[Exception], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    options: dict[str, Any], kind: type[Exception], reported: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Law: what came, what was expected, which parameter."""
     monkeypatch.setenv("DLAMA_MODELS", str(tmp_path))
     ready = {"depth_model": knowing(RGBD_OF_WORLD, "inverse depth", metric=False), "camera": CAMERA, **options}
-    with pytest.raises(kind, match=told):
+    with pytest.raises(kind, match=reported):
         quiet(RGBD_OF_WORLD.color, **ready)
 
 
@@ -167,14 +167,14 @@ def test_bad_pictures_and_predictions_get_one_line() -> None:
     with pytest.raises(ShapeError, match="uint8 H x W x 3 is expected"):
         quiet(flat[..., 0])
     zeros = np.zeros((48, 64), np.float32)
-    for prediction, told in (
+    for prediction, reported in (
         (lambda _: DepthPrediction(zeros, "inverse depth"), "sees no depth in this picture"),
         (lambda _: DepthPrediction(zeros, "depth", True), "values that are not positive"),
         (lambda _: DepthPrediction(zeros * np.nan), "not numbers"),
         (lambda _: DepthPrediction(zeros[0]), "shape .64,.; h x w is expected"),
         (lambda _: DepthPrediction(np.full((48, 64), 1e-9, np.float32), "inverse depth", True), "nothing but sky"),
     ):
-        with pytest.raises(DepthError, match=told):
+        with pytest.raises(DepthError, match=reported):
             quiet(RGBD_OF_WORLD.color, depth_model=prediction)
 
 

@@ -178,7 +178,7 @@ def test_noise_is_the_deviation_that_was_put_in(sigma: float) -> None:
 
 def test_planes_under_the_noise_of_a_matched_pair() -> None:
     """Closed form: a tenth of a pixel of noise at 3 to 20 px of disparity, the floor's and the wall's planes still found,
-    to 1 % of the largest value, their pixels theirs; without being told of the noise far fewer pixels lie on any."""
+    to 1 % of the largest value, their pixels theirs; without being reported of the noise far fewer pixels lie on any."""
     camera = Camera.from_fov(320, 240, 70)
     w, surface, number = floor_and_wall(camera)
     sigma = 0.1 / 20 * float(w.max())

@@ -38,8 +38,8 @@ def test_on_a_texture_hardly_a_pixel_is_torn_from_its_neighbours(seed: int) -> N
     """Law: hardly any differs so much from all four that a view would tear it off; with votes by colour alone forty do."""
     color, _, blurred = blurred_box(texture=40, blur=6, seed=seed)
     found = sharpen_depth(blurred, color)
-    beside = np.stack([np.roll(found, by, axis) for by in (1, -1) for axis in (0, 1)])
-    assert (np.abs(beside / found - 1) > JUMP).all(0).sum() <= 3
+    next_to = np.stack([np.roll(found, by, axis) for by in (1, -1) for axis in (0, 1)])
+    assert (np.abs(next_to / found - 1) > JUMP).all(0).sum() <= 3
 
 
 def test_no_depth_is_invented() -> None:
@@ -108,8 +108,8 @@ def test_the_kernel_is_a_weighted_median() -> None:
             ]
             found.sort(reverse=True)
             reached = np.cumsum([weight for _, weight in found])
-            wanted = found[int(np.searchsorted(reached, 0.5 * reached[-1]))][0] if found else values[row, column]
-            assert out[row, column] == wanted
+            expected = found[int(np.searchsorted(reached, 0.5 * reached[-1]))][0] if found else values[row, column]
+            assert out[row, column] == expected
 
 
 def test_edges_of_a_large_picture_lie_where_its_colours_change() -> None:

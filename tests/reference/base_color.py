@@ -66,7 +66,7 @@ def push(sums, weights, coarser):
 
 
 def neighbours(y, x, shape):
-    """The up to four cells beside (y, x)."""
+    """The up to four cells next to (y, x)."""
     return [(y + j, x + i) for j, i in NEIGHBOURS if 0 <= y + j < shape[0] and 0 <= x + i < shape[1]]
 
 
@@ -76,7 +76,7 @@ def relax(base, usable, cells, mean, screen, sweeps):
     for sweep in range(sweeps):
         for cell in cells if sweep % 2 == 0 else cells[::-1]:
             y, x = divmod(int(cell), usable.shape[1])
-            beside = [base[q] for q in neighbours(y, x, usable.shape) if usable[q]]
-            goal = (sum(beside) + screen * mean) / (len(beside) + screen)
+            next_to = [base[q] for q in neighbours(y, x, usable.shape) if usable[q]]
+            goal = (sum(next_to) + screen * mean) / (len(next_to) + screen)
             base[y, x] += 1.6 * (goal - base[y, x])
     return base

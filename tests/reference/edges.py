@@ -10,7 +10,7 @@ import numpy as np
 def joined_along(line: list[float], ratio: float, least: float = 0.0) -> list[bool]:
     """For each neighbouring pair of a line of inverse depths (0 = nothing there): do both lie on one surface?
 
-    Yes if the step between them is small (`ratio` of the larger, or `least`), or if it goes on like a slope: equal (to 20 %) to
+    Yes if the step between them is small (`ratio` of the larger, or `least`), or if it continues like a slope: equal (to 20 %) to
     the steps on both sides of it,
     to the two before it, or to the two after it.
     """

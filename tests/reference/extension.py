@@ -43,7 +43,7 @@ def far_side(w: np.ndarray, hole: np.ndarray, directions: int = 16) -> np.ndarra
 
 
 def rim_cost(value: float, label: int, known: float, known_label: int, rim: tuple[float, ...]) -> float:
-    """What a neighbour of a known pixel pays: nothing if it goes on, else for meeting it, and for the step between them,
+    """What a neighbour of a known pixel pays: nothing if it continues, else for meeting it, and for the step between them,
     by who is in front: nothing more up to 3 %, in full from 13 % on."""
     meets, hidden, sky_hidden, in_front = rim
     if label == known_label != -1:

@@ -103,6 +103,6 @@ def blurred(picture: np.ndarray) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    told = Path(os.environ["DLAMA_DATA"])
+    reported = Path(os.environ["DLAMA_DATA"])
     for title in PICTURES:
-        print(f'"{title}": {lpips(weights_of(told / "weights"), *pair(title))[0]:.6f},')
+        print(f'"{title}": {lpips(weights_of(reported / "weights"), *pair(title))[0]:.6f},')

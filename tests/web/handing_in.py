@@ -30,6 +30,6 @@ def completed(visit: Visit, **fields: Any) -> Result:
     results.complete(visit, {"filler": "telea", **fields})
     assert visit.run is not None
     visit.run.join()
-    told = results.run(visit, {})
-    assert told["state"] == "done" and visit.result is not None
+    reported = results.run(visit, {})
+    assert reported["state"] == "done" and visit.result is not None
     return visit.result

@@ -82,7 +82,7 @@ def pages(browser: Any, serve: Server) -> Iterator[Pages]:
 
 
 def hand_in(page: Any, frame: Path, fov: str = "60") -> None:
-    """The small frame's picture and depth; the lens is asked for, beside its field, and given."""
+    """The small frame's picture and depth; the lens is asked for, next to its field, and given."""
     page.set_input_files("#files", [frame / "image.png", frame / "depth.png"])
     complaint = page.locator('[data-error="camera"]')
     playwright.expect(complaint).to_contain_text("how wide the camera sees is not known")
@@ -315,7 +315,7 @@ def test_a_new_picture_begins_anew(pages: Pages, frame: Path, how: str) -> None:
 
 def test_slow_answers_change_no_order(pages: Pages, frame: Path) -> None:
     """Files handed in while starting over is under way stay (oracle: the list of files), and a mark that is taken back while its
-    mask is under way stays away (oracle: no mask is told)."""
+    mask is under way stays away (oracle: no mask is reported)."""
     page, held = pages.open(), []
     hand_in(page, frame)
     page.route("**/api/mask", lambda route: held.append(route))
@@ -390,8 +390,8 @@ def test_the_brush_is_as_wide_in_a_large_picture(pages: Pages, tmp_path: Path) -
     np.testing.assert_allclose(brush[1], 2 * np.array(brush[0]), rtol=0.01)
 
 
-def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_path: Path) -> None:
-    """A damaged picture, an ending that is none, a file too large: each says so, and the page goes on."""
+def test_bad_files_are_reported_next_to_their_field(pages: Pages, frame: Path, tmp_path: Path) -> None:
+    """A damaged picture, an ending that is none, a file too large: each says so, and the page continues."""
     page = pages.open()
     (tmp_path / "broken.png").write_bytes(b"\x89PNG and nothing")
     page.set_input_files("#files", tmp_path / "broken.png")

@@ -76,7 +76,7 @@ def test_fields_become_options() -> None:
     assert not any(one.kind in kinds for part in PARTS for one in labelled(part).values())
 
 
-def test_what_was_found_is_told(visit: Visit, frame: Path) -> None:
+def test_what_was_found_is_reported(visit: Visit, frame: Path) -> None:
     """Closed form: a camera of 60 degrees, a wall at 4 m, a box at 2 m, millimetres."""
     facts = open_frame(visit, frame)["source"]["facts"]
     assert facts["picture"] == "64 x 48 pixels"
@@ -132,7 +132,7 @@ def test_two_pictures_may_be_no_pair(visit: Visit, frame: Path) -> None:
 
 
 def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Path) -> None:
-    """Nothing of where it lies is told."""
+    """Nothing of where it lies is reported."""
     hand_in(visit, "picture", frame / "image.png")
     (frame / "broken.exr").write_bytes(b"no exr")
     hand_in(visit, "depth", frame / "broken.exr", "my depth.exr")
@@ -144,7 +144,7 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
 
 
 @pytest.mark.parametrize(
-    ("message", "told"),
+    ("message", "reported"),
     [
         ("give `fov`, or `camera`, a file", "give “Field of view”, or a camera file, a file"),
         ("or give `resize_depth=guided`", "or give “Bring depth to the picture's size”=guided"),
@@ -155,9 +155,9 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
         ("see `depth_by` and `depth_scale=5`", "see depth_by and “Units per metre”=5"),
     ],
 )  # fmt: skip
-def test_messages_speak_of_the_page(message: str, told: str) -> None:
+def test_messages_speak_of_the_page(message: str, reported: str) -> None:
     """By hand: parameters get the names of the page's fields, words of sentences and of files stay."""
-    assert use_page_words(message) == told
+    assert use_page_words(message) == reported
 
 
 def test_kinds_of_errors_have_fields() -> None:
@@ -217,8 +217,8 @@ def test_inverse_depth_of_a_network_is_ticked(visit: Visit, frame: Path, tmp_pat
     with pytest.raises(DepthError, match="8-bit numbers") as caught:
         api.read(visit, {"fov": 60})
     assert "“Inverse depth of a network” takes what a network gave" in use_page_words(caught.value.marked)
-    told = api.read(visit, {"fov": 60, "inverse_depth": "true"})
-    assert told["source"]["estimated"] and "as a network gave it" in told["source"]["facts"]["depth"]
+    reported = api.read(visit, {"fov": 60, "inverse_depth": "true"})
+    assert reported["source"]["estimated"] and "as a network gave it" in reported["source"]["facts"]["depth"]
     expected = dlama.read_rgbd(frame / "image.png", tmp_path / "depth.png", fov=60, inverse_depth=True).depth
     np.testing.assert_array_equal(visit.require_source().rgbd.depth, expected)
     how = take_home.how(completed(visit, yaw=2))
@@ -228,9 +228,9 @@ def test_inverse_depth_of_a_network_is_ticked(visit: Visit, frame: Path, tmp_pat
 @pytest.mark.parametrize("name", first_quick(api.EXAMPLES, 2))
 def test_examples_open(name: str, visit: Visit) -> None:
     """Each of them; of a pair the left picture has depth to click on."""
-    told = api.example(visit, {"name": name})
-    assert (told["source"]["width"], told["source"]["pair"]) == (512, name == "pair")
+    reported = api.example(visit, {"name": name})
+    assert (reported["source"]["width"], reported["source"]["pair"]) == (512, name == "pair")
     assert visit.source is not None and visit.source.rgbd.valid.mean() > 0.5
-    assert told["source"]["estimated"] == (name == "photo")
+    assert reported["source"]["estimated"] == (name == "photo")
     with pytest.raises(PageError, match="one of street"):
         api.example(visit, {"name": "../street"})

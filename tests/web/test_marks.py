@@ -23,15 +23,15 @@ from dlama.web.visits import Visit
 def test_clicks_are_find_mask(visit: Visit, frame: Path) -> None:
     """Oracle: find_mask; the mask picture says the same; undoing the click leaves nothing."""
     open_frame(visit, frame)
-    told = api.mark(visit, {"marks": [{"kind": "click", "at": [30, 24]}, {"kind": "not", "at": [5, 5]}]})
+    reported = api.mark(visit, {"marks": [{"kind": "click", "at": [30, 24]}, {"kind": "not", "at": [5, 5]}]})
     assert visit.source is not None
-    wanted = dlama.find_mask(visit.source.rgbd, clicks=[(30, 24)], not_clicks=[(5, 5)]).mask
-    np.testing.assert_array_equal(visit.mask, wanted)
-    assert told["share"] == pytest.approx(float(wanted.mean()))
+    expected = dlama.find_mask(visit.source.rgbd, clicks=[(30, 24)], not_clicks=[(5, 5)]).mask
+    np.testing.assert_array_equal(visit.mask, expected)
+    assert reported["share"] == pytest.approx(float(expected.mean()))
     blob = api.mask(visit, {})
     assert isinstance(blob, Blob)
     read = cv2.imdecode(np.frombuffer(blob.data, np.uint8), cv2.IMREAD_UNCHANGED)
-    np.testing.assert_array_equal(read == 255, wanted)
+    np.testing.assert_array_equal(read == 255, expected)
     assert api.mark(visit, {"marks": []})["share"] == 0 and visit.mask is None
 
 
@@ -83,7 +83,7 @@ def test_marks_that_are_none(fields: dict[str, Any]) -> None:
 
 
 def test_a_click_on_nothing_is_reported_next_to_the_marks(visit: Visit, frame: Path) -> None:
-    """The wall is no thing; outside the picture is nowhere; a correction needs something to correct."""
+    """The wall is no object; outside the picture is nowhere; a correction needs something to correct."""
     open_frame(visit, frame)
     for mark in ({"kind": "click", "at": [60, 4]}, {"kind": "click", "at": [600, 4]}, {"kind": "not", "at": [6, 4]}):
         with pytest.raises((MaskError, dlama.InputError)):
@@ -121,7 +121,7 @@ def test_preview_is_what_the_new_camera_sees(visit: Visit, frame: Path) -> None:
     ],
 )
 def test_requests_that_cannot_be(fields: dict[str, Any], field: str) -> None:
-    """Beside the camera, or the method."""
+    """Next to the camera, or the method."""
     with pytest.raises(InputError) as caught:
         read_request(fields)
     assert field_of(caught.value, {}) == field
@@ -130,17 +130,17 @@ def test_requests_that_cannot_be(fields: dict[str, Any], field: str) -> None:
 def test_a_pixel_tells_what_it_holds(visit: Visit, frame: Path) -> None:
     """Closed form: a pixel of the wall 4 m ahead, through a lens of 60 degrees."""
     open_frame(visit, frame)
-    told = api.source_pixel(visit, {"x": 2, "y": 3})
+    reported = api.source_pixel(visit, {"x": 2, "y": 3})
     rgbd = visit.require_source().rgbd
     camera = rgbd.camera
-    assert told["depth"] == pytest.approx(4)
-    assert told["point"] == pytest.approx(
+    assert reported["depth"] == pytest.approx(4)
+    assert reported["point"] == pytest.approx(
         [(2.5 - camera.cx) / camera.fx * 4, (3.5 - camera.cy) / camera.fy * 4, 4], abs=1e-3
     )
-    assert (told["origin"], told["confidence"]) == ("measured", 1.0)
+    assert (reported["origin"], reported["confidence"]) == ("measured", 1.0)
     result = completed(visit, yaw=10)
     view = result.done.view
-    told = results.pixel(visit, {"x": 40, "y": 20})
-    assert told["depth"] == pytest.approx(float(view.depth[20, 40]), abs=1e-4)
+    reported = results.pixel(visit, {"x": 40, "y": 20})
+    assert reported["depth"] == pytest.approx(float(view.depth[20, 40]), abs=1e-4)
     with pytest.raises(PageError, match="outside"):
         results.pixel(visit, {"x": 64, "y": 0})

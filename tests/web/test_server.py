@@ -47,9 +47,9 @@ class Page:
 
     def post(self, action: str, body: bytes | dict[str, Any] = b"{}", status: int = 200, **headers: str) -> Any:
         """JSON or bytes of an action."""
-        code, told, data = ask(self.server, "POST", f"/api/{action}", body, X_Dlama_Visit=self.visit, **headers)
+        code, reported, data = ask(self.server, "POST", f"/api/{action}", body, X_Dlama_Visit=self.visit, **headers)
         assert code == status, data
-        return json.loads(data) if told["Content-Type"] == "application/json" else data
+        return json.loads(data) if reported["Content-Type"] == "application/json" else data
 
     def upload(self, role: str, data: bytes, name: str, status: int = 200) -> Any:
         """A file."""
@@ -121,8 +121,8 @@ def test_a_token_is_asked_for(temporary: Path) -> None:
 
 def test_a_port_that_is_taken(server: Server) -> None:
     """One line says which."""
-    told = f"host is 127.0.0.1, port is {server.port}: .*give another host or port"
-    with pytest.raises(InputError, match=told), open_server("127.0.0.1", server.port, None, Limits()):
+    reported = f"host is 127.0.0.1, port is {server.port}: .*give another host or port"
+    with pytest.raises(InputError, match=reported), open_server("127.0.0.1", server.port, None, Limits()):
         pass
 
 
@@ -134,9 +134,9 @@ def test_all_of_a_visit(server: Server, frame: Path, temporary: Path) -> None:
     for action, fields in (("mask", {}), ("source", {}), ("source", {"kind": "depth"}), ("preview", {"yaw": 5})):
         assert page.post(action, fields).startswith(b"\x89PNG")
     page.post("complete", {"yaw": 5, "filler": "telea"})
-    while (told := page.post("run"))["state"] in ("waiting", "running"):
+    while (reported := page.post("run"))["state"] in ("waiting", "running"):
         pass
-    assert told["state"] == "done" and told["result"]["removed"]
+    assert reported["state"] == "done" and reported["result"]["removed"]
     for kind in ("image", "known", "hole_type", "origin", "confidence", "depth", "depth_known", "source"):
         assert page.post("picture", {"kind": kind}).startswith(b"\x89PNG")
     assert page.post("pixel", {"x": 3, "y": 4})["depth"] == pytest.approx(4, abs=1)
@@ -165,8 +165,8 @@ def test_what_is_handed_in_is_bounded(server: Server, frame: Path) -> None:
     page = Page(server)
     assert "up to 1 MB are taken" in page.upload("picture", b"x" * (2**20 + 1), "a.png", 413)["error"]
     large = cv2.imencode(".png", np.zeros((1200, 1000, 3), np.uint8))[1].tobytes()
-    told = page.upload("picture", large, "large.png", 400)
-    assert told == {
+    reported = page.upload("picture", large, "large.png", 400)
+    assert reported == {
         "error": "large.png: is 1000x1200 pixels; this page takes up to 1 million, scale it down or use the command line",
         "field": "picture",
     }
@@ -203,7 +203,7 @@ def test_a_page_that_leaves_is_forgotten(server: Server, frame: Path, monkeypatc
 
 
 def test_a_visit_that_is_being_answered_keeps_nobody_waiting(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is forgotten once it has been answered; meanwhile the server goes on."""
+    """It is forgotten once it has been answered; meanwhile the server continues."""
     page = Page(server)
     visit = server.visits.find(page.visit)
     held, go = threading.Event(), threading.Event()
@@ -250,8 +250,8 @@ def test_a_full_disk_is_said_and_leaves_nothing(
 
     with monkeypatch.context() as patched:
         patched.setattr("dlama.web.api.check_upload", full)
-        told = page.upload("picture", data, "image.png", status=507)
-    assert told == {"error": "the server cannot keep that: no space left on device", "field": ""}
+        reported = page.upload("picture", data, "image.png", status=507)
+    assert reported == {"error": "the server cannot keep that: no space left on device", "field": ""}
     assert [path for path in server.visits.root.rglob("*") if path.is_file()] == [] and capfd.readouterr().err == ""
     page.upload("picture", data, "image.png")
 

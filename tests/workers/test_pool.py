@@ -23,8 +23,8 @@ def test_a_death_costs_its_own_task_alone(tmp_path: Path) -> None:
     tasks = [("square", 2), ("kill", None), ("kill", tmp_path / "once"), ("memory", 0), ("exit", 3), ("square", 3)]
     ended = {str(one.task): one for one in run_all(deadly, tasks, 2)}
     assert len(ended) == len(tasks)
-    told = {key: one.died or one.answer for key, one in ended.items()}
-    assert [told[str(task)] for task in tasks] == [
+    reported = {key: one.died or one.answer for key, one in ended.items()}
+    assert [reported[str(task)] for task in tasks] == [
         4,
         "killed by SIGKILL, perhaps as memory ran out",
         "lived",
@@ -62,7 +62,7 @@ def test_closing_ends_what_runs() -> None:
     assert not process.is_alive()
 
 
-def test_a_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
+def test_a_script_without_a_guard_is_reported_so(tmp_path: Path) -> None:
     """Processes that cannot start are an error with the cause, and no endless row of processes."""
     script = tmp_path / "script.py"
     script.write_text("from dlama.workers.pool import run_all\nprint(list(run_all(len, [()], 1)))\n")

@@ -74,11 +74,11 @@ def test_disparities_lead_from_view_to_view() -> None:
 
 def test_folders_are_read_back_by_the_easysynth_reader(tmp_path: Path) -> None:
     """There and back: poses, colours (PNG), depth (16-bit mm), masks; progress counts every frame."""
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     written = write_worlds(
-        tmp_path, count=1, seed=9, size=SIZE, progress=lambda done, total: told.append((done, total))
+        tmp_path, count=1, seed=9, size=SIZE, progress=lambda done, total: reported.append((done, total))
     )
-    assert written == [tmp_path / "w009"] and told == [(n, 30) for n in range(1, 31)]
+    assert written == [tmp_path / "w009"] and reported == [(n, 30) for n in range(1, 31)]
     made = world(9)
     read = easysynth(tmp_path)
     assert {len(read.of(protocol)) for protocol in ("vpi", "ori", "sii")} == {12, 13, 1}
@@ -86,10 +86,10 @@ def test_folders_are_read_back_by_the_easysynth_reader(tmp_path: Path) -> None:
     truth, camera = case.load(), made.camera(-30, SIZE)
     assert isinstance(truth, ViewTruth)
     np.testing.assert_allclose(truth.target.camera.world_from_cam, camera.world_from_cam, atol=1e-6)
-    wanted = made.frame(camera)
-    np.testing.assert_array_equal(truth.target.color, wanted.color)
-    near = wanted.depth < 9.9
-    np.testing.assert_allclose(truth.target.depth[near], wanted.depth[near], atol=0.01)
+    expected = made.frame(camera)
+    np.testing.assert_array_equal(truth.target.color, expected.color)
+    near = expected.depth < 9.9
+    np.testing.assert_allclose(truth.target.depth[near], expected.depth[near], atol=0.01)
     np.testing.assert_array_equal(truth.object_mask, made.raycast(made.camera(0, SIZE)).group == made.object_index)
     with pytest.raises(OutputError, match="is not empty"):
         write_worlds(tmp_path, count=1, seed=9, size=SIZE, kind="street")
@@ -99,7 +99,7 @@ class Killed(BaseException):
     """Stands for SIGKILL."""
 
 
-def test_a_killed_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_killed_run_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed at the fortieth frame of sixty; the same call writes what is missing (oracles: one run of all; times of change)."""
 
     def killed(done: int, total: int) -> None:
@@ -114,9 +114,9 @@ def test_a_killed_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     first = tmp_path / "a" / "w009" / "made_with.json"
     before = first.stat().st_mtime_ns
     monkeypatch.setattr(drafts, "_swept", set())
-    told: list[int] = []
-    write_worlds(tmp_path / "a", count=2, seed=9, size=16, progress=lambda done, total: told.append(done))
-    assert first.stat().st_mtime_ns == before and told == list(range(1, 61))
+    reported: list[int] = []
+    write_worlds(tmp_path / "a", count=2, seed=9, size=16, progress=lambda done, total: reported.append(done))
+    assert first.stat().st_mtime_ns == before and reported == list(range(1, 61))
     write_worlds(tmp_path / "b", count=2, seed=9, size=16)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
 

@@ -94,16 +94,16 @@ def test_all_kinds_of_shapes_match_the_twin(seed: int) -> None:
     """Depth, what is seen and what is lit: the literal twin, at every pixel."""
     world = jumble(seed)
     camera = oracle.moved(Camera.from_fov(120, 90, 85, world.camera().world_from_cam), turn=(3, 5, -4))
-    found, wanted = world.raycast(camera), twin.trace(world, camera)
-    same = found.group == wanted.group
+    found, expected = world.raycast(camera), twin.trace(world, camera)
+    same = found.group == expected.group
     assert same.mean() > 0.9995  # a ray along an edge may fall either way
-    np.testing.assert_allclose(found.depth[same], wanted.depth[same], rtol=1e-5)
-    assert (found.light == wanted.light)[same].mean() > 0.999
-    assert len(np.unique(wanted.group)) > 12 and (wanted.light == 2).mean() > 0.02
+    np.testing.assert_allclose(found.depth[same], expected.depth[same], rtol=1e-5)
+    assert (found.light == expected.light)[same].mean() > 0.999
+    assert len(np.unique(expected.group)) > 12 and (expected.light == 2).mean() > 0.02
 
 
-def test_without_the_object_and_behind_things_match_the_twin() -> None:
-    """The twin, told which group is not there: the whole object, or each pixel's own first group."""
+def test_without_the_object_and_behind_objects_match_the_twin() -> None:
+    """The twin, reported which group is not there: the whole object, or each pixel's own first group."""
     world = jumble(4)
     camera = world.camera(size=90)
     gone = twin.trace(world, camera, without=OBJECT_GROUP)
@@ -117,17 +117,17 @@ def test_without_the_object_and_behind_things_match_the_twin() -> None:
 
 
 def test_colours_match_the_twin() -> None:
-    """Sun, sky light, ground light and the darker foot of things; textures of one colour; to one level."""
+    """Sun, sky light, ground light and the darker foot of objects; textures of one colour; to one level."""
     world = jumble(5)
     camera = world.camera(size=90)
     traced = twin.trace(world, camera)
     rays = oracle.rays_of(camera)
     height = camera.world_from_cam[1, 3] + np.where(np.isfinite(traced.depth), traced.depth, 0) * rays[..., 1]
-    wanted = twin.shade(world, traced, height)
+    expected = twin.shade(world, traced, height)
     found = world.raycast(camera)
     same = (found.group == traced.group) & (found.light == traced.light) & (found.group >= 0)
     assert same.mean() > 0.5
-    assert np.abs(found.color[same] - wanted[same]).max() <= 1
+    assert np.abs(found.color[same] - expected[same]).max() <= 1
 
 
 def test_a_texture_lies_on_a_wall_as_it_was_drawn() -> None:
@@ -155,10 +155,10 @@ def test_smoothed_edges_are_the_mean_over_the_pixel_and_depth_is_not_smoothed() 
     for name in ("depth", "group", "light"):
         np.testing.assert_array_equal(getattr(hard, name), getattr(soft, name))
     many = world.frame(world.camera(size=640)).color.reshape(80, 8, 80, 8, 3)
-    wanted = 255 * np.sqrt((many / 255.0) ** 2).mean((1, 3))
+    expected = 255 * np.sqrt((many / 255.0) ** 2).mean((1, 3))
     changed = (hard.color != soft.color).any(-1)
     assert 0.02 < changed.mean() < 0.5
-    off_hard, off_soft = (np.abs(each.color - wanted)[changed].mean() for each in (hard, soft))
+    off_hard, off_soft = (np.abs(each.color - expected)[changed].mean() for each in (hard, soft))
     assert off_soft < 0.5 * off_hard
 
 
@@ -193,7 +193,7 @@ def test_a_clear_sky_is_a_gradient() -> None:
     rays = oracle.rays_of(camera)
     up = np.maximum(-rays[..., 1] / np.linalg.norm(rays, axis=-1), 0)[..., None]
     low, high = np.array(CLEAR.horizon), np.array(CLEAR.zenith)
-    wanted = 255 * np.sqrt(low + (1 - (1 - up) ** 3) * (high - low))
+    expected = 255 * np.sqrt(low + (1 - (1 - up) ** 3) * (high - low))
     found = world.frame(camera)
     assert found.far.all() and up.min() > 0
-    assert np.abs(found.color - wanted).max() <= 1
+    assert np.abs(found.color - expected).max() <= 1

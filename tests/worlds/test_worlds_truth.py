@@ -86,7 +86,7 @@ def test_cameras_orbit_the_point_ahead_and_the_rig_is_rectified() -> None:
 
 
 def test_the_object_is_seen_from_everywhere() -> None:
-    """The object of interest is in the picture at every yaw, and no camera stands in a thing."""
+    """The object of interest is in the picture at every yaw, and no camera stands in an object."""
     for seed in range(300, 308):
         made = world(seed)
         for yaw in (0, 60, -60):

@@ -210,7 +210,7 @@ def test_a_link_stays_a_link_and_rights_stay(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["image.txt", "right"])
-def test_nothing_is_placed_where_one_thing_cannot_be(tmp_path: Path, name: str) -> None:
+def test_nothing_is_placed_where_one_object_cannot_be(tmp_path: Path, name: str) -> None:
     """A folder of the user's has the name of a result, or the reverse."""
     out = tmp_path / "out"
     out.mkdir()
@@ -318,22 +318,27 @@ def test_a_full_disk_at_the_last_moment_leaves_the_old_file(tmp_path: Path, monk
     assert (tmp_path / "a").read_text() == "old" and everything(tmp_path) == ["a"]
 
 
-def test_a_full_disk_is_told_by_where_the_file_was_to_lie(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_by_where_the_file_was_to_lie(tmp_path: Path) -> None:
     """Law: a message names the place that the user gave, not the draft, also where a library (OpenEXR) puts that into its own."""
     at_once = new_directory(tmp_path / "out")
-    with pytest.raises(OutputError) as told, at_once as folder, new_directory(folder / "b") as b, new_file(b / "c.png"):
+    with (
+        pytest.raises(OutputError) as reported,
+        at_once as folder,
+        new_directory(folder / "b") as b,
+        new_file(b / "c.png"),
+    ):
         raise OSError(errno.ENOSPC, "No space left on device")
-    assert str(told.value) == f"{tmp_path / 'out' / 'b' / 'c.png'}: cannot be written: no space left on device"
-    with pytest.raises(OutputError) as told, new_file(tmp_path / "depth.exr") as draft:
+    assert str(reported.value) == f"{tmp_path / 'out' / 'b' / 'c.png'}: cannot be written: no space left on device"
+    with pytest.raises(OutputError) as reported, new_file(tmp_path / "depth.exr") as draft:
         raise OSError(f'Failed to write to "{draft}"')
     assert (
-        str(told.value)
+        str(reported.value)
         == f'{draft.with_name("depth.exr")}: cannot be written: Failed to write to "{tmp_path / "depth.exr"}"'
     )
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_that_names_nothing_is_told_by_the_directory(tmp_path: Path) -> None:
+def test_a_full_disk_that_names_nothing_is_reported_by_the_directory(tmp_path: Path) -> None:
     """As Python's own write of text has it; other errors of the system stay what they are."""
     with pytest.raises(OutputError, match=r"out: cannot be written: no space left on device"):  # noqa: SIM117
         with new_directory(tmp_path / "out"):

@@ -28,7 +28,7 @@ from dlama.geometry.drawing.layers import (
     Grid,
     Surface,
     box_room,
-    count_wanted,
+    count_needed,
     crop_count,
     draw,
     draw_apart,
@@ -125,13 +125,13 @@ def render_fills(scene: Scene, camera: Camera, mode: Mode, hole: BoolArray, fram
 
     frames: False where the frames, as they are in the scene, leave that hole too: they are not drawn again.
     """
-    return draw_scene(scene, camera, mode, True, count_wanted(hole), frames).view(camera)
+    return draw_scene(scene, camera, mode, True, count_needed(hole), frames).view(camera)
 
 
 def draw_scene(
     scene: Scene, camera: Camera, mode: Mode, fine: bool, count: NDArray[np.int32] = ALL, frames: bool = True
 ) -> Drawn:
-    """A scene's layers, drawn. count: of the pixels of fills that count (`count_wanted`); frames: whether they are drawn."""
+    """A scene's layers, drawn. count: of the pixels of fills that count (`count_needed`); frames: whether they are drawn."""
     fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
     keep = mode == "surface" and len(scene.layers) >= SEVERAL
     fills = visible_fills(scene, camera, mode)

@@ -109,7 +109,7 @@ def test_the_right_view_can_be_made_from_the_left() -> None:
 
 
 @pytest.mark.parametrize("brighter", [1.0, 0.8])
-def test_what_the_other_camera_sees_behind_a_removed_thing_is_no_guess(brighter: float) -> None:
+def test_what_the_other_camera_sees_behind_a_removed_object_is_no_guess(brighter: float) -> None:
     """Closed form: where the other picture shows the wall behind the box, both views have the wall's colour and its 4 m, in the
     brightness of their own picture; only what neither camera sees is filled."""
     done = completed(True, brighter)
@@ -149,7 +149,7 @@ def test_a_mask_of_what_the_right_camera_does_not_see_stays_empty_there() -> Non
     assert not carry_mask(mask, (at_left, matches(SCENE)[1]), SCENE.rgbd(RIG.right)).any()
 
 
-def test_the_points_behind_a_removed_thing_are_in_the_cloud() -> None:
+def test_the_points_behind_a_removed_object_are_in_the_cloud() -> None:
     """Closed form: the background has the wall's points that only the right camera sees behind the box, as measured colours."""
     done = completed(True)
     right_only = done.scene.layers[1]
@@ -260,15 +260,17 @@ def test_pairs_that_are_none_are_noticed() -> None:
     left, right = (dlama.read_color(dlama.example() / name)[::2, ::2] for name in ("street.jpg", "right.jpg"))
     camera = Camera.from_fov(256, 256, 90)
     rig = StereoRig(camera, moved(camera, shift=(0.12, 0, 0)))
-    with pytest.warns(UserWarning, match="swapped") as told:
+    with pytest.warns(UserWarning, match="swapped") as reported:
         done = stereo(right, left, rig, filler="telea", max_disparity=16)
-    assert len(told) == 1 and "\n" not in str(told[0].message) and "swapped" in done.meta["stereo"]["doubt"]
+    assert len(reported) == 1 and "\n" not in str(reported[0].message) and "swapped" in done.meta["stereo"]["doubt"]
     noise = np.random.default_rng(0).integers(0, 256, (2, *left.shape), np.uint8)
     lower = np.indices(left.shape)[0] > len(left) // 2
-    with pytest.warns(UserWarning, match=r"\d\d% of the left picture finds no match") as told:
+    with pytest.warns(UserWarning, match=r"\d\d% of the left picture finds no match") as reported:
         done = stereo(*np.where(lower, noise, [left, right]), rig, filler="telea", max_disparity=16)
     assert (
-        len(told) == 1 and "no match" in done.meta["stereo"]["doubt"] and done.meta["stereo"]["unmatched_share"] > 0.35
+        len(reported) == 1
+        and "no match" in done.meta["stereo"]["doubt"]
+        and done.meta["stereo"]["unmatched_share"] > 0.35
     )
     with pytest.raises(InputError, match="identical"):
         stereo(left, left, rig)

@@ -1,5 +1,5 @@
 """Stereo's options and its calibration: far limit, doffs, masks of either picture (closed forms); and a removal from a matched
-pair: what matching gets wrong on and beside the object does not reach the background."""
+pair: what matching gets wrong on and next to the object does not reach the background."""
 
 from __future__ import annotations
 
@@ -61,20 +61,20 @@ def test_what_half_a_pixel_cannot_tell_from_infinity_is_far() -> None:
         )
 
 
-def pair_of(doffs: float, thing: float, beside: float) -> MatchedPair:
-    """A thing before a wall, and right of it a strip; each at its distance to infinity (disparity + doffs, px)."""
+def pair_of(doffs: float, item: float, next_to: float) -> MatchedPair:
+    """An object before a wall, and right of it a strip; each at its distance to infinity (disparity + doffs, px)."""
     disparity = np.full(CAMERA.hw, 2 - doffs, np.float32)
-    disparity[15:25, 30:40], disparity[15:25, 40:44] = thing - doffs, beside - doffs
+    disparity[15:25, 30:40], disparity[15:25, 40:44] = item - doffs, next_to - doffs
     grey = np.zeros((*CAMERA.hw, 3), np.uint8)
     return MatchedPair(rig(doffs), 40.0, (grey, grey), (disparity, disparity), (THING, THING))
 
 
 @pytest.mark.parametrize("doffs", [0.0, DOFFS, -DOFFS])
 def test_bleeding_is_measured_from_infinity(doffs: float) -> None:
-    """Closed form: beside a thing at 20 px, what is 17.1 px from infinity bled (85 %), 16.9 px did not, whatever disparity
-    infinity has; the thing's own depth is 1 m."""
-    for beside, missing in ((17.1, True), (16.9, False)):
-        pair = pair_of(doffs, 20, beside)
+    """Closed form: next to an object at 20 px, what is 17.1 px from infinity bled (85 %), 16.9 px did not, whatever disparity
+    infinity has; the object's own depth is 1 m."""
+    for next_to, missing in ((17.1, True), (16.9, False)):
+        pair = pair_of(doffs, 20, next_to)
         for cleaned in pair.without_bleeding().disparities:
             assert (cleaned[18:22, 40:42] == 0).all() == missing
             np.testing.assert_array_equal(cleaned[THING], 20 - doffs)
@@ -107,13 +107,13 @@ def test_the_object_leaves_the_right_view_where_its_mask_is(given: bool) -> None
     """Closed form: the right view's hole is the mask of the right picture, or the left one 4 px further left, dilated by 1 px."""
     own = square((10, 20), (5, 15)) if given else None
     done = completed(mask=THING, mask_right=own)
-    wanted = own if own is not None else square((15, 25), (26, 36))
-    for before, mask in zip(done.warped, (THING, wanted)):
+    expected = own if own is not None else square((15, 25), (26, 36))
+    for before, mask in zip(done.warped, (THING, expected)):
         np.testing.assert_array_equal(before.hole_type == HoleType.OBJECT, dilate_mask(mask, 1))
 
 
 def test_an_inverted_mask_of_a_pair_is_warned_of() -> None:
-    """The mask of all but the thing (oracle: the message that `remove` gives)."""
+    """The mask of all but the object (oracle: the message that `remove` gives)."""
     with pytest.warns(UserWarning, match=r"the mask removes 96 % of the picture.*`mask_polarity` turns it round"):
         completed(mask=~THING)
 
@@ -175,7 +175,7 @@ def test_the_nearest_of_an_object_is_its_largest_disparity_around() -> None:
 
 
 @pytest.mark.parametrize("filler", ["layered", "telea"])
-def test_bad_matches_on_and_beside_the_object_do_not_reach_the_wall(filler: str) -> None:
+def test_bad_matches_on_and_next_to_the_object_do_not_reach_the_wall(filler: str) -> None:
     """Closed form: a wall at 4 m behind a box. A patch of the box is matched at 8 m, and the box bleeds 6 px over its edge; the
     restored wall lies at 4 m all the same, in both views."""
     with_box = World((Plane((0, 0, 4), (0, 0, -1)), Box((-0.3, -0.4, 2), (0.3, 0.5, 2.2))))

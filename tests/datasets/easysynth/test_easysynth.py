@@ -35,19 +35,19 @@ def street(data_dir: Path) -> Path:
 
 
 def test_street_poses_agree_with_poses_json(street: Path) -> None:
-    """Oracle: poses.json, written beside the CSV in OpenCV axes: 5e-7 m, rotations to the CSV's digits, yaws, lens."""
+    """Oracle: poses.json, written next to the CSV in OpenCV axes: 5e-7 m, rotations to the CSV's digits, yaws, lens."""
     frames = {(each.scene, each.name): each for each in easysynth(street).frames}
     assert len(frames) == 4 * (13 + 13 + 2 + 2)
     for scene in SCENES:
-        told = json.loads((street / scene / "poses.json").read_text())
-        for number, entry in enumerate(told["sequences"]["with"]["frames"]):
+        reported = json.loads((street / scene / "poses.json").read_text())
+        for number, entry in enumerate(reported["sequences"]["with"]["frames"]):
             found = frames[scene, f"with-{number:04d}"]
             files = found.load.args[0]  # type: ignore[attr-defined]
-            wanted = np.array(entry["world_from_cam"])
-            np.testing.assert_allclose(files.world_from_cam[:3, 3], wanted[:3, 3], atol=5e-7 + 1e-12)
-            np.testing.assert_allclose(files.world_from_cam[:3, :3], wanted[:3, :3], atol=2e-6)
+            expected = np.array(entry["world_from_cam"])
+            np.testing.assert_allclose(files.world_from_cam[:3, 3], expected[:3, 3], atol=5e-7 + 1e-12)
+            np.testing.assert_allclose(files.world_from_cam[:3, :3], expected[:3, :3], atol=2e-6)
             assert found.yaw == entry["yaw_deg"] and files.depth.args[0].parent.name == "DepthMM"
-            np.testing.assert_array_equal(files.lens.camera(wanted).K, told["K"])
+            np.testing.assert_array_equal(files.lens.camera(expected).K, reported["K"])
 
 
 def test_street_cases(street: Path) -> None:
@@ -106,7 +106,7 @@ def test_poses_there_and_back(turn: tuple[float, float, float]) -> None:
 def test_the_metric_dialect_means_the_same(sequence: Path) -> None:
     """Oracle: EasySynth 1.0's exporter, which wrote (Y, -Z, X) / 100 and (w, -y, z, -x) of Unreal's pose."""
     table = sequence / "CameraComponent" / "CameraPoses.csv"
-    wanted = {identity: pose.pose for identity, pose in read_poses(table).items()}
+    expected = {identity: pose.pose for identity, pose in read_poses(table).items()}
     lines = ["id,tx,ty,tz,qw,qx,qy,qz,fx,fy,cx,cy"]
     for line in table.read_text().splitlines()[1:]:
         number, tx, ty, tz, qx, qy, qz, qw, _ = map(float, line.split(","))
@@ -116,7 +116,7 @@ def test_the_metric_dialect_means_the_same(sequence: Path) -> None:
     (sequence / "CameraRig.json").unlink()
     for number, found in enumerate(easysynth(sequence).frames):
         camera = found.load().camera
-        np.testing.assert_allclose(camera.world_from_cam, wanted[number], atol=1e-8)
+        np.testing.assert_allclose(camera.world_from_cam, expected[number], atol=1e-8)
         assert (camera.fx, camera.cx, camera.cy) == (9.5, 8, 6)
 
 
@@ -136,8 +136,8 @@ def test_a_rig_without_the_cameras_own_poses(sequence: Path) -> None:
     (sequence / "CameraComponent" / "CameraPoses.csv").unlink()
     edit_json(sequence / "CameraRig.json", translation=[0, 10, 0])
     for found, yaw in zip(easysynth(sequence).frames, (0, 10, -10)):
-        wanted = moved(orbit(CAMERA, yaw), shift=(0.1, 0, 0)).world_from_cam
-        np.testing.assert_allclose(found.load().camera.world_from_cam, wanted, atol=1e-8)
+        expected = moved(orbit(CAMERA, yaw), shift=(0.1, 0, 0)).world_from_cam
+        np.testing.assert_allclose(found.load().camera.world_from_cam, expected, atol=1e-8)
 
 
 # Lenses and depth

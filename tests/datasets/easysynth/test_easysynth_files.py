@@ -1,4 +1,4 @@
-"""EasySynth's text files with one thing wrong: every error names file, line and column (or field), and what was wanted."""
+"""EasySynth's text files with one thing wrong: every error names file, line and column (or field), and what was expected."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ BAD = [
 
 @pytest.mark.parametrize(("name", "edit", "message"), BAD, ids=[str(number) for number in range(len(BAD))])
 def test_bad_files_are_named(sequence: Path, name: str, edit: Callable[[Path], None], message: str) -> None:
-    """One thing wrong in one file: the error names the file, the line and column or the field, what came, what was wanted."""
+    """One object wrong in one file: the error names the file, the line and column or the field, what came, what was expected."""
     if name.endswith(".exr"):
         shutil.rmtree(sequence / "CameraComponent" / "DepthMM")
     edit(sequence / name)

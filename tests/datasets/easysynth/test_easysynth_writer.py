@@ -21,26 +21,26 @@ from worlds import Box, Plane, World, moved
 
 CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0), "sky": (70, 130, 180)}
 ROOM = (Plane((0, 1.2, 0), (0, -1, 0)), Plane((0, 0, 7), (0, 0, -1)))
-THING = Box((-0.4, 0.4, 2.2), (0.4, 1.2, 2.8))
+OBJECT = Box((-0.4, 0.4, 2.2), (0.4, 1.2, 2.8))
 CAMERA = moved(Camera.from_fov(40, 30, 70), turn=(3, 20, -2), shift=(0.3, -0.2, 0.1))
 
 
-def shot(camera: Camera, thing: bool = True) -> SequenceFrame:
+def shot(camera: Camera, item: bool = True) -> SequenceFrame:
     """A frame of the room; the box is shape 2, what no shape covers is sky."""
-    world = World((*ROOM, THING) if thing else ROOM)
+    world = World((*ROOM, OBJECT) if item else ROOM)
     _, number = world.trace(camera)
     return SequenceFrame(world.rgbd(camera), np.select([number == 2, number < 0], [1, 2], 0).astype(np.uint8))
 
 
 @functools.cache
-def orbiting(thing: bool = True) -> tuple[SequenceFrame, ...]:
-    return tuple(shot(orbit(CAMERA, yaw), thing) for yaw in (0, 10, -10, 25))
+def orbiting(item: bool = True) -> tuple[SequenceFrame, ...]:
+    return tuple(shot(orbit(CAMERA, yaw), item) for yaw in (0, 10, -10, 25))
 
 
 @functools.cache
-def pair(thing: bool = True) -> StereoSequence:
+def pair(item: bool = True) -> StereoSequence:
     right = moved(CAMERA, shift=(0.1, 0, 0))
-    return StereoSequence((shot(CAMERA, thing),), (shot(right, thing),))
+    return StereoSequence((shot(CAMERA, item),), (shot(right, item),))
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +49,9 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("worlds")
     sequences = {
         "with": orbiting(),
-        "without": iter(orbiting(thing=False)),  # may be gone through once only
+        "without": iter(orbiting(item=False)),  # may be gone through once only
         "stereo_with": pair(),
-        "stereo_without": pair(thing=False),
+        "stereo_without": pair(item=False),
     }
     write_scene(root, "w01", sequences, depth_range=10.0, classes=CLASSES)
     return root / "w01"
@@ -78,13 +78,13 @@ def test_a_scene_there_and_back(scene: Path) -> None:
     view, removal, stereo = (data.of(protocol)[0].load() for protocol in ("vpi", "ori", "sii"))
     assert isinstance(view, ViewTruth) and view.target_without is not None and view.object_mask is not None
     assert_same(view.target, wrote[1].rgbd)
-    assert_same(view.target_without, orbiting(thing=False)[1].rgbd)
+    assert_same(view.target_without, orbiting(item=False)[1].rgbd)
     assert isinstance(removal, RemovalTruth)
     np.testing.assert_array_equal(removal.mask, wrote[0].semantic == 1)
-    assert_same(removal.without, orbiting(thing=False)[0].rgbd)
+    assert_same(removal.without, orbiting(item=False)[0].rgbd)
     assert isinstance(stereo, StereoTruth) and stereo.mask_right is not None and stereo.without_right is not None
     np.testing.assert_array_equal(stereo.mask_right, pair().right[0].semantic == 1)
-    assert_same(stereo.without_right, pair(thing=False).right[0].rgbd)
+    assert_same(stereo.without_right, pair(item=False).right[0].rgbd)
     assert stereo.rig.baseline_m == pytest.approx(0.1, abs=1e-8)
 
 
@@ -92,9 +92,9 @@ def test_disparity_is_that_of_the_depth(scene: Path) -> None:
     """Closed form: f b / Z of the traced depth, 0 for the sky."""
     stereo = easysynth(scene).of("sii")[0].load()
     assert isinstance(stereo, StereoTruth) and stereo.disparity_right is not None
-    depth, _ = World((*ROOM, THING)).trace(pair().right[0].rgbd.camera)
-    wanted = CAMERA.fx * 0.1 / depth
-    np.testing.assert_allclose(stereo.disparity_right, wanted, atol=1e-2, rtol=1e-3)
+    depth, _ = World((*ROOM, OBJECT)).trace(pair().right[0].rgbd.camera)
+    expected = CAMERA.fx * 0.1 / depth
+    np.testing.assert_allclose(stereo.disparity_right, expected, atol=1e-2, rtol=1e-3)
     assert (stereo.disparity_right[~np.isfinite(depth)] == 0).all()
 
 

@@ -39,13 +39,13 @@ def test_distance_and_map_agree_with_the_twin(name: str, weights_dir: Path) -> N
     """The twin, live: the number, the map, and the mean of the map."""
     pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
     a, b = pair(name)
-    wanted, wanted_map = lpips_twin.lpips(weights_of(weights_dir), a, b)
-    assert FROZEN[name] == pytest.approx(wanted, abs=2e-5)
+    expected, expected_map = lpips_twin.lpips(weights_of(weights_dir), a, b)
+    assert FROZEN[name] == pytest.approx(expected, abs=2e-5)
     one, other = features(a), features(b)
-    assert distance(one, other) == pytest.approx(wanted, abs=1e-3)
+    assert distance(one, other) == pytest.approx(expected, abs=1e-3)
     got = distance_map(one, other, (a.shape[0], a.shape[1]))
-    np.testing.assert_allclose(got, wanted_map, atol=3e-3)
-    assert got.mean() == pytest.approx(wanted_map.mean(), abs=1e-3)
+    np.testing.assert_allclose(got, expected_map, atol=3e-3)
+    assert got.mean() == pytest.approx(expected_map.mean(), abs=1e-3)
 
 
 def noise_in_a_box() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -60,8 +60,8 @@ def test_a_region_is_the_mean_of_the_map_with_the_truth_pasted_outside(weights_d
     """The twin on pictures pasted by hand."""
     pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
     mine, truth, region, pasted = noise_in_a_box()
-    wanted = lpips_twin.lpips(weights_of(weights_dir), pasted, truth)[1][region].mean()
-    assert lpips(mine, truth, region) == pytest.approx(wanted, abs=1e-3)
+    expected = lpips_twin.lpips(weights_of(weights_dir), pasted, truth)[1][region].mean()
+    assert lpips(mine, truth, region) == pytest.approx(expected, abs=1e-3)
 
 
 def test_what_lies_outside_a_region_has_no_say() -> None:
@@ -98,7 +98,7 @@ def test_small_pictures_are_refused() -> None:
 
 
 def test_the_shipped_file_is_small_and_carries_its_notices() -> None:
-    """At most 5.5 MB; both licences beside it."""
+    """At most 5.5 MB; both licences next to it."""
     assert NETWORK.stat().st_size <= 5_500_000
     notices = (NETWORK.parent / "LICENSES.txt").read_text("utf-8")
     assert "Soumith Chintala 2016" in notices and "Richard Zhang" in notices

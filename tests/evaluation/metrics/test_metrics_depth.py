@@ -99,7 +99,7 @@ def shifted_pair() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_a_true_pair_is_consistent_where_both_see() -> None:
-    """Closed form: 0 levels; hidden are the wall's columns 10..14 beside the box and what leaves the picture."""
+    """Closed form: 0 levels; hidden are the wall's columns 10..14 next to the box and what leaves the picture."""
     left, right, disparity = shifted_pair()
     assert left_right_difference(left, right, disparity) == 0
     hidden = np.zeros(disparity.shape, np.bool_)
@@ -143,8 +143,8 @@ def test_cloud_scores_are_those_of_all_pairs_compared() -> None:
     assert got["completeness"] == pytest.approx(back.mean())
     for name, limit in (("0.02", 0.02), ("0.05", 0.05), ("0.10", 0.1)):
         precision, recall = (there < limit).mean(), (back < limit).mean()
-        wanted = 2 * precision * recall / (precision + recall) if precision + recall else 0
-        assert got[f"fscore_{name}"] == pytest.approx(wanted)
+        expected = 2 * precision * recall / (precision + recall) if precision + recall else 0
+        assert got[f"fscore_{name}"] == pytest.approx(expected)
     assert 0 < got["fscore_0.05"] < got["fscore_0.10"] < 1
 
 

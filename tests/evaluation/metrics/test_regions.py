@@ -53,7 +53,7 @@ def test_rectangles_by_hand() -> None:
 
 @pytest.mark.parametrize("yaw", [-35.0, -12.0, 9.0, 30.0])
 def test_traced_worlds(yaw: float) -> None:
-    """Oracle: rays traced from the source to each target point. Only pixels beside a border of the truth may differ."""
+    """Oracle: rays traced from the source to each target point. Only pixels next to a border of the truth may differ."""
     camera = Camera.from_fov(128, 96, 65)
     target = orbit(camera, yaw)
     found = source_visibility(STREET.rgbd(camera), STREET.rgbd(target))
@@ -115,7 +115,7 @@ def test_stereo_regions_by_hand() -> None:
 
 
 def test_stereo_regions_with_unknown_disparity() -> None:
-    """Closed form: n left pixels without disparity beside the edge leave n pixels at either end of the gap in doubt."""
+    """Closed form: n left pixels without disparity next to the edge leave n pixels at either end of the gap in doubt."""
     left = np.where(SQUARE_IN_SOURCE, 16, 8).astype(np.float32)
     left[16:48, 48:50] = 0
     found = stereo_regions(left)
@@ -137,7 +137,7 @@ def test_removal_regions_share_the_picture() -> None:
 
 
 def test_darkened_pixels() -> None:
-    """A fifth less light is a shadow, 6 % less is none; nothing under the mask or right beside it."""
+    """A fifth less light is a shadow, 6 % less is none; nothing under the mask or right next to it."""
     without = np.full((SIZE, SIZE, 3), 100, np.uint8)
     color = without.copy()
     color[10:30, 10:30] = 80

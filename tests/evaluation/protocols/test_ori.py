@@ -139,7 +139,7 @@ def test_no_fill_is_black() -> None:
 
 
 def test_street_shadows(data_dir: Path) -> None:
-    """Looked at: the barrel's sun shadow lies to its right on the asphalt, beside the mask, 0.2 to 0.8 % of the picture."""
+    """Looked at: the barrel's sun shadow lies to its right on the asphalt, next to the mask, 0.2 to 0.8 % of the picture."""
     truth = open_dataset(data_dir / "street", scenes=["s03"]).of("ori")[0].load()
     assert isinstance(truth, RemovalTruth) and truth.shadow is None
     shadow = find_true_shadow(truth)

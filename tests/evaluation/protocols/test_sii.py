@@ -91,7 +91,7 @@ def test_an_object_removed_from_both(constant_filler: str) -> None:
     assert found["mask-right", "rgb", "mse"] == pytest.approx(((right - FILLED) ** 2)[SQUARE_IN_TARGET].mean())
     assert found["whole", "rgb", "mask_ratio"] == found["whole-right", "rgb", "mask_ratio"] == 25
     assert found["mask", "disparity", "photometric_truth"] == 0
-    # the left mask carried by 8 px covers 24 of the right mask's columns; 8 columns of 32 show 40 beside the wall
+    # the left mask carried by 8 px covers 24 of the right mask's columns; 8 columns of 32 show 40 next to the wall
     shifted = np.abs(right - FILLED).mean(2)[16:48, 32:40].mean()
     assert found["mask", "disparity", "photometric_at_truth"] == pytest.approx(shifted * 8 / 32)
     assert plain.panel is not None and not any(np.isnan(value) for value in found.values())
@@ -107,7 +107,7 @@ def test_the_wall_comes_back() -> None:
 
 
 def test_the_methods_own_disparity_is_a_variant(constant_filler: str) -> None:
-    """Law: two runs, told apart; the second has no panel."""
+    """Law: two runs, distinguished; the second has no panel."""
     settings = ProtocolSettings(lpips=False)
     runs = scored(pair(disparity_right=RIGHT_PX), constant_filler, settings)
     assert [(run.variant, run.panel is not None) for run in runs] == [("", True), ("sgm", False)]

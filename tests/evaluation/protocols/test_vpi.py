@@ -95,7 +95,7 @@ def test_no_fill_is_black() -> None:
 
 
 def test_exposure_is_undone_for_all_alike(constant_filler: str) -> None:
-    """Closed form: a target twice as bright has gain 2, so what is seen is right and 40 becomes 80 beside 100."""
+    """Closed form: a target twice as bright has gain 2, so what is seen is right and 40 becomes 80 next to 100."""
     dark = RGBD(TRUTH.source.color // 2, TRUTH.source.depth, SOURCE)
     found = values(scored(constant_filler, ViewTruth(dark, TRUTH.target, exposure_varies=True))[0].measures)
     assert found["seen", "rgb", "mse"] == 0 and found["unseen", "rgb", "mse"] == (WALL - 2 * FILLED) ** 2

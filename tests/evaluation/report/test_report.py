@@ -149,7 +149,7 @@ def test_the_script_is_a_script() -> None:
 
 
 def test_the_page_shows_the_numbers(report: Path) -> None:
-    """Oracles: summary.json's own mean in a sortable cell; settings and paper beside it; panels for best and worst."""
+    """Oracles: summary.json's own mean in a sortable cell; settings and paper next to it; panels for best and worst."""
     text = (report / "report.html").read_text("utf-8")
     content = json.loads((report / "summary.json").read_text("utf-8"))
     key = ["vpi", "toy", "±10", "dlama/layered", "whole", "rgb", "ssim"]
@@ -162,14 +162,14 @@ def test_the_page_shows_the_numbers(report: Path) -> None:
 
 
 def test_markdown_has_the_tables(report: Path) -> None:
-    """Oracle: every table has rows as wide as its head; hash beside each; all of the sections."""
+    """Oracle: every table has rows as wide as its head; hash next to each; all of the sections."""
     text = (report / "summary.md").read_text("utf-8")
     blocks = re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
     assert len(blocks) >= 15
     for block in blocks:
         assert len({len(re.findall(r"(?<!\\)\|", line)) for line in block.splitlines()}) == 1
     assert text.count(f"Settings `{settings_hash(SETTINGS)}`") == len(blocks)
-    for wanted in (
+    for expected in (
         "| ±60 |",
         "**Whole pictures**",
         "Hidden regions",
@@ -177,7 +177,7 @@ def test_markdown_has_the_tables(report: Path) -> None:
         "Runtime and memory",
         "dlama evaluate toy",
     ):
-        assert wanted in text
+        assert expected in text
 
 
 @pytest.mark.slow

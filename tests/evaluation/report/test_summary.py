@@ -216,7 +216,7 @@ def test_a_comparison_of_psnr_is_in_decibels() -> None:
 
 
 def test_no_two_measures_have_one_title() -> None:
-    """Whatever is measured of one region in several modalities can be told apart; names of code are in no title."""
+    """Whatever is measured of one region in several modalities can be distinguished; names of code are in no title."""
     metrics = {*METRICS, "law_broken", "law_violations", "coverage", "delta1.05", "fscore_0.05", "bad-1"}
     pairs = {(modality, metric) for modality in MODALITIES for metric in metrics} - {("depth_m", "mask_ratio")}
     titles = [column_title("whole", *pair) for pair in pairs]

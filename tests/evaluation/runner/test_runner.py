@@ -90,10 +90,10 @@ def test_csv_has_the_header_and_every_digit(tmp_path: Path) -> None:
     assert "outside,rgb,psnr,inf" in text
     assert "time" not in text and "memory" not in text
     scored = made_up.protocol(made_up.truth(0), Method("dlama", "telea"), SETTINGS)
-    wanted = [measure for one in scored for measure in one.measures if measure.modality != "time"]
+    expected = [measure for one in scored for measure in one.measures if measure.modality != "time"]
     _, *lines = csv.reader((tmp_path / "results.csv").read_text("utf-8").splitlines())
     rows = [Row(*line[:4], float(line[4]) if line[4] else None, *line[5:10], float(line[10])) for line in lines]
-    assert [row[7:] for row in rows if row.yaw == 10] == [tuple(one) for one in wanted]
+    assert [row[7:] for row in rows if row.yaw == 10] == [tuple(one) for one in expected]
     assert rows == rows_of(done)
 
 
@@ -169,7 +169,7 @@ def test_two_processes_give_the_same_bytes(tmp_path: Path, log: Path) -> None:
 
 @pytest.mark.slow
 def test_a_process_that_dies_takes_only_its_case(tmp_path: Path) -> None:
-    """Oracle: one case kills its process; it fails and nothing else, for what was under way beside it is run again."""
+    """Oracle: one case kills its process; it fails and nothing else, for what was under way next to it is run again."""
     whole = made_up_dataset(1)
     deadly = dataclasses.replace(whole.cases[0], load=functools.partial(os._exit, 3))
     done = evaluated(

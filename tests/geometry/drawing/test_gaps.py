@@ -49,7 +49,7 @@ def test_a_seam_of_one_surface_is_closed_between_its_sides(width: int, turned: b
     np.testing.assert_array_equal(canvas.color[~closed], before[~closed])
 
 
-def test_between_two_surfaces_the_farther_one_goes_on() -> None:
+def test_between_two_surfaces_the_farther_one_continues() -> None:
     """Closed form: next to a near post the wall's own depth and colour; next to sky, sky."""
     for farther in (4.0, np.inf):
         depth = np.full((HEIGHT, WIDTH), 2, np.float32)
@@ -60,7 +60,7 @@ def test_between_two_surfaces_the_farther_one_goes_on() -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right", "both", "border"])
-def test_sky_goes_on_along_its_row_for_a_while(side: str) -> None:
+def test_sky_continues_along_its_row_for_a_while(side: str) -> None:
     """Closed form: up to SKY of the width, whichever side it is on; a pixel more stays open, and so does a gap in a wall."""
     most = int(SKY * WIDTH)
     for length in (most, most + 1):

@@ -109,7 +109,7 @@ def test_no_triangle_joins_two_surfaces() -> None:
         assert len(depth) and not ((depth.min(1) < 1.5) & (depth.max(1) > 1.5)).any()
 
 
-def test_things_thinner_than_the_reach_stay() -> None:
+def test_objects_thinner_than_the_reach_stay() -> None:
     """A pole of 3 px whose depth is right stays, though all of it is near an edge that is not."""
     source = frame(EDGE + 3)
     color, depth = source.color.copy(), source.depth.copy()
@@ -139,7 +139,7 @@ def test_an_edge_further_off_than_most_is_moved_too() -> None:
     np.testing.assert_allclose(found.depth[~found.mixed], depth_of(EDGE)[~found.mixed], rtol=2e-3)
 
 
-def test_depth_filled_beside_a_misplaced_edge_counts_for_the_law() -> None:
+def test_depth_filled_next_to_a_misplaced_edge_counts_for_the_law() -> None:
     """Where the sensor gave none next to the edge, the wall that was filled there must not be hidden by more table."""
     source = frame(torn())
     depth = source.depth.copy()

@@ -108,5 +108,5 @@ def test_solver_against_a_dense_one() -> None:
     for i, j, block in zip(one, other, blocks):
         dense[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = block
         dense[6 * j : 6 * j + 6, 6 * i : 6 * i + 6] = block.T
-    wanted = np.linalg.solve(dense, right.ravel())
-    np.testing.assert_allclose(_solve(diagonal, blocks, one, other, right).ravel(), wanted, atol=1e-4)
+    expected = np.linalg.solve(dense, right.ravel())
+    np.testing.assert_allclose(_solve(diagonal, blocks, one, other, right).ravel(), expected, atol=1e-4)

@@ -70,7 +70,7 @@ def test_only_pixels_that_count_are_drawn(place: int | None, monkeypatch: pytest
     larger = dataclasses.replace(many, fills=(filled,))
     some = [render_fills(larger, camera, "surface", before.hole, again) for again in {True, place is not None}]
     for module in (merging, rendering):
-        monkeypatch.setattr(module, "count_wanted", lambda _: layers.ALL)
+        monkeypatch.setattr(module, "count_needed", lambda _: layers.ALL)
     whole = [render(many, camera, close=False), render(larger, camera, close=False)]
     shown = before.hole & ~whole[1].hole
     assert shown.sum() > 30

@@ -143,7 +143,7 @@ def test_coarse_depth_is_the_nearest_of_each_block() -> None:
     assert camera.fx * BLOCK == pytest.approx(LENS.fx) and camera.cx * BLOCK == pytest.approx(LENS.cx)
 
 
-def test_views_beside_the_picture_are_not_drawn() -> None:
+def test_views_next_to_the_picture_are_not_drawn() -> None:
     """Law: what `may_show` turns down renders as nothing; what is seen is never turned down."""
     seen = []
     for yaw in range(0, 360, 30):

@@ -176,7 +176,7 @@ def test_where_nothing_can_be_written_kernels_work_and_one_warning_says_so(tmp_p
 
 
 @pytest.mark.usefixtures("without_cache_folder")
-def test_compiled_kernels_lie_beside_the_package_where_that_can_be_written(tmp_path: Path) -> None:
+def test_compiled_kernels_lie_next_to_the_package_where_that_can_be_written(tmp_path: Path) -> None:
     """No warning (warnings are errors here), and a file of machine code after the first call."""
     imported_from(tmp_path).double(np.ones(3))
     assert list((tmp_path / "__pycache__").glob("two_kernels.double*.nbc"))

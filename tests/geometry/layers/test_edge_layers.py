@@ -26,8 +26,8 @@ def box_before_a_wall() -> View:
     return View.from_rgbd(RGBD(color, depth, CAMERA))
 
 
-def test_the_wall_goes_on_under_the_box() -> None:
-    """As far as it is told, a little behind 4 m, in red; nowhere else."""
+def test_the_wall_continues_under_the_box() -> None:
+    """As far as it is reported, a little behind 4 m, in red; nowhere else."""
     layer, added = continue_under_edges(box_before_a_wall(), 3)
     expected = np.zeros((48, 64), bool)
     expected[BOX] = True
@@ -36,7 +36,7 @@ def test_the_wall_goes_on_under_the_box() -> None:
     assert (layer.color[added] == (200, 0, 0)).all() and (np.abs(layer.depth[added] - 4 / 0.98) < 1e-3).all()
 
 
-def test_what_goes_on_has_its_own_color_where_three_surfaces_meet() -> None:
+def test_what_continues_has_its_own_color_where_three_surfaces_meet() -> None:
     """Definition: depth and colour are of one pixel. Green at 2 m below red at 4 m, right of which is blue at 8 m."""
     color, depth = np.full((48, 64, 3), (200, 0, 0), np.uint8), np.full((48, 64), 4, np.float32)
     color[:, 32:], depth[:, 32:] = (0, 0, 200), 8

@@ -42,8 +42,8 @@ def test_between_two_rotations(degrees: float) -> None:
     start, axis = rotation_from_quaternion(about([0.2, 0.5, -0.4], 37)), [0.3, -0.8, 0.52]
     end = start @ rotation_from_quaternion(about(axis, degrees))
     for share in (0.0, 0.25, 0.7, 1.0):
-        wanted = start @ rotation_from_quaternion(about(axis, share * degrees))
-        np.testing.assert_allclose(slerp(start, end, share), wanted, atol=1e-12)
+        expected = start @ rotation_from_quaternion(about(axis, share * degrees))
+        np.testing.assert_allclose(slerp(start, end, share), expected, atol=1e-12)
 
 
 def test_a_quarter_turn() -> None:

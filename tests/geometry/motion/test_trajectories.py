@@ -23,8 +23,8 @@ def test_orbit_agrees_with_the_street_renderings() -> None:
     """Oracle: somebody else's code; the 13 poses that Blender rendered scene s03 from."""
     if "DLAMA_DATA" not in os.environ:
         pytest.skip("DLAMA_DATA is not set; it must name the folder that holds street/")
-    told = json.loads((Path(os.environ["DLAMA_DATA"]) / "street/s03/poses.json").read_text())
-    frames = told["sequences"]["with"]["frames"]
+    reported = json.loads((Path(os.environ["DLAMA_DATA"]) / "street/s03/poses.json").read_text())
+    frames = reported["sequences"]["with"]["frames"]
     source = Camera.from_fov(512, 512, 90, frames[0]["world_from_cam"])
     assert len(frames) == 13
     for frame in frames:

@@ -77,7 +77,7 @@ def box_before_a_wall(width: int) -> tuple[View, np.ndarray, np.ndarray]:
 
 
 def recording(shown: list[np.ndarray]) -> Painter:
-    """Paints 99; remembers which pixels it was told to fill."""
+    """Paints 99; remembers which pixels it was reported to fill."""
 
     def paint(picture: np.ndarray, hole: np.ndarray, seed: int) -> np.ndarray:
         shown.append(hole)
@@ -91,7 +91,7 @@ def recording(shown: list[np.ndarray]) -> Painter:
 
 def test_depth_is_the_continued_surfaces_and_colour_the_painters() -> None:
     """Twin: the depth that `layered` gives, bit for bit, on a real dis-occlusion; its holes show the wall behind, so in
-    closed form their points lie on the wall (z = 3 m at home), and the painter was never told to keep the occluder."""
+    closed form their points lie on the wall (z = 3 m at home), and the painter was never reported to keep the occluder."""
     home = step().camera
     source = View.from_rgbd(
         RGBD(step().color, np.where(np.arange(80) < 36, 1, 3) + np.zeros((40, 1), np.float32), home)
@@ -130,7 +130,7 @@ def test_a_function_that_fills_pictures_is_a_filler() -> None:
         dlama.view(rgbd, yaw=10, filler=dlama.Painter(lambda picture, hole, seed: picture[:1]))
 
 
-def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:
+def test_occluders_next_to_a_disocclusion_are_known_by_their_depth() -> None:
     """Closed form: the columns of the occluder that lie within BAND of the hole, and nothing of the wall."""
     view = step()
     columns = np.flatnonzero(find_occluders(view, *flat(view, 3), NOTHING.law).all(0))
@@ -138,7 +138,7 @@ def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:
 
 
 @pytest.mark.parametrize("kind", [HoleType.OUT_OF_VIEW, HoleType.SENSOR])
-def test_beside_what_is_out_of_view_or_lacks_depth_alone_nothing_is_hidden(kind: HoleType) -> None:
+def test_next_to_what_is_out_of_view_or_lacks_depth_alone_nothing_is_hidden(kind: HoleType) -> None:
     """Law: what lies beyond the picture is hidden by nothing; a sensor hole has its own colours, and colours are painted."""
     view = step(kind)
     if kind == HoleType.SENSOR:
@@ -190,7 +190,7 @@ def test_occluders_for_a_coarse_picture_are_those_of_every_nth_pixel(monkeypatch
     assert expected.any()
 
 
-def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None:
+def test_an_object_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None:
     """Closed form: a box at 1 m, wider than BAND, before a wall at 3 m: all of it and at most MIXED_PX more, though only its
     edge lies next to the hole. Not where its own surface continues in what was hidden: there BAND px of it."""
     view, box, hole = box_before_a_wall(12)

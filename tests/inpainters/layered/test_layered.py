@@ -29,9 +29,11 @@ def seen_from(world: World, source: Camera, target: Camera) -> tuple[View, View]
     return before, inpaint(before, layered, FillContext.of(scene))[0]
 
 
-def taken_out(background: tuple[Shape, ...], thing: Shape, camera: Camera = CAMERA) -> tuple[View, View, np.ndarray]:
+def without_object(
+    background: tuple[Shape, ...], item: Shape, camera: Camera = CAMERA
+) -> tuple[View, View, np.ndarray]:
     """The source view without an object, before and after filling, and the true depth behind it."""
-    world = World((*background, thing))
+    world = World((*background, item))
     source = View.from_rgbd(world.rgbd(camera))
     taken = world.trace(camera)[1] == len(background)
     before = source.without(taken, HoleType.OBJECT)
@@ -46,8 +48,8 @@ def relative_error(view: View, truth: np.ndarray) -> np.ndarray:
         return np.where(both_far, 0, np.nan_to_num(abs(view.depth - truth) / truth, nan=np.inf, posinf=np.inf))
 
 
-@pytest.mark.parametrize("shift", [(0.6, 0, 0), (0, 0, -0.5)], ids=["beside", "all round"])
-def test_a_floor_goes_on_out_of_view(shift: tuple[float, float, float]) -> None:
+@pytest.mark.parametrize("shift", [(0.6, 0, 0), (0, 0, -0.5)], ids=["next_to", "all round"])
+def test_a_floor_continues_out_of_view(shift: tuple[float, float, float]) -> None:
     """Closed form: the plane itself, to 1e-3, in over a quarter of the picture that the source never saw."""
     world = World((FLOOR,))
     target = moved(DOWN, shift=shift)
@@ -59,7 +61,7 @@ def test_a_floor_goes_on_out_of_view(shift: tuple[float, float, float]) -> None:
 @pytest.mark.parametrize("box", [Box((-0.4, 0.2, 2.5), (0.4, 1, 3)), Box((-0.6, 0.1, 2.5), (0.2, 1, 3.2))])
 def test_floor_and_wall_meet_behind_a_removed_box(box: Box) -> None:
     """Closed form: both planes to 1e-3, and their crease where it is: only the pixel row at it may take the other plane."""
-    before, filled, truth = taken_out((FLOOR, WALL), box)
+    before, filled, truth = without_object((FLOOR, WALL), box)
     error = relative_error(filled, truth)
     crease = np.flatnonzero(np.diff(World((FLOOR, WALL)).trace(CAMERA)[1][:, 0]))[0]
     away = before.hole.copy()
@@ -75,8 +77,8 @@ def hidden_background(world: World, before: View) -> np.ndarray:
     """Disoccluded pixels that truly show something else than the last shape, not next to that shape: at its silhouette a
     pixel may be either, because the source's pixels are as wide."""
     number = world.trace(before.camera)[1]
-    thing = dilate_mask(number == len(world.shapes) - 1, 1)
-    return before.hole & (before.hole_type == HoleType.DISOCCLUDED) & ~thing
+    item = dilate_mask(number == len(world.shapes) - 1, 1)
+    return before.hole & (before.hole_type == HoleType.DISOCCLUDED) & ~item
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -90,10 +92,10 @@ def test_a_wall_is_disoccluded_as_the_wall(side: int) -> None:
     assert relative_error(filled, world.trace(target)[0])[hidden].max() < 1e-3
 
 
-def test_sky_and_wall_go_on_behind_a_removed_pole() -> None:
+def test_sky_and_wall_continue_behind_a_removed_pole() -> None:
     """Closed form: sky is inf to the pixel, below it the wall and the floor to 1e-3."""
     background = (FLOOR, Box((-9, -0.6, 6), (9, 1, 7)))
-    before, filled, truth = taken_out(background, Box((-0.3, -1.5, 2.5), (0.3, 1, 2.8)))
+    before, filled, truth = without_object(background, Box((-0.3, -1.5, 2.5), (0.3, 1, 2.8)))
     sky = np.isposinf(truth)
     assert (before.hole & sky).sum() > 500 and (before.hole & ~sky).sum() > 500
     np.testing.assert_array_equal(filled.far, sky)
@@ -101,7 +103,7 @@ def test_sky_and_wall_go_on_behind_a_removed_pole() -> None:
     assert (abs(filled.color.astype(int) - (90, 150, 250))[before.hole & sky].max(-1) <= 12).all()
 
 
-def test_sky_beside_the_picture_is_sky() -> None:
+def test_sky_next_to_the_picture_is_sky() -> None:
     """Closed form: a camera turned aside sees sky above the horizon where the source saw nothing; floor is never put there.
     Below the horizon, sky may droop into a few per cent of what is floor (nothing seen says where the floor ends)."""
     world = World((FLOOR,))
@@ -145,12 +147,12 @@ def test_the_occluders_depth_never_enters(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_removed_things_depth_never_enters(seed: int) -> None:
+def test_a_removed_objects_depth_never_enters(seed: int) -> None:
     """Law: behind a removed ball the background is nowhere nearer than the nearest background there is (2 % of slack)."""
     rng = np.random.default_rng(seed)
     bumps = tuple(Sphere((*rng.uniform(-2, 2, 2), 6.0), rng.uniform(0.5, 1.5)) for _ in range(6))
     background = (Plane((0, 0, 6), (0, 0, 1)), *bumps)
-    before, filled, truth = taken_out(background, Sphere((*rng.uniform(-0.3, 0.3, 2), 1.8), 0.3))
+    before, filled, truth = without_object(background, Sphere((*rng.uniform(-0.3, 0.3, 2), 1.8), 0.3))
     assert before.hole.sum() > 500
     assert filled.depth[before.hole].min() > 0.98 * truth.min()
     assert np.median(relative_error(filled, truth)[before.hole]) < 0.1
@@ -158,5 +160,5 @@ def test_a_removed_things_depth_never_enters(seed: int) -> None:
 
 def test_planes_are_noted() -> None:
     """Closed form: two planes are in the notes of a corner."""
-    before, _, _ = taken_out((FLOOR, WALL), Box((-0.4, 0.2, 2.5), (0.4, 1, 3)))
+    before, _, _ = without_object((FLOOR, WALL), Box((-0.4, 0.2, 2.5), (0.4, 1, 3)))
     assert layered(before, FillContext(Law(()))).notes["planes"] == 2

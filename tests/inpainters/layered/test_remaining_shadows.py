@@ -22,7 +22,7 @@ THING = np.s_[50:80, 60:100]
 NOTHING = Law(())
 
 
-def ground_without_thing(*shadows: tuple[slice, slice]) -> tuple[View, np.ndarray]:
+def ground_without_object(*shadows: tuple[slice, slice]) -> tuple[View, np.ndarray]:
     """A floor of one grey of which a box is a hole, darker under the given shadows; and which of it is dark."""
     world = World((Plane((0, 0, 4), (0, 0.5, -1)),)).rgbd(CAMERA)
     dark = np.zeros(CAMERA.hw, bool)
@@ -36,34 +36,34 @@ def ground_without_thing(*shadows: tuple[slice, slice]) -> tuple[View, np.ndarra
     return view.without(hole, HoleType.OBJECT), dark & ~hole
 
 
-BESIDE = np.s_[74:92, 60:110]
+NEXT_TO = np.s_[74:92, 60:110]
 
 
-def test_a_shadow_beside_the_thing_is_found() -> None:
+def test_a_shadow_next_to_the_object_is_found() -> None:
     """Closed form: the dark pixels but for their rim, and nothing 3 px beyond it; none where nothing is dark, and none that
     lies apart from the object. Law: what is as dark farther off is a pattern of the ground; what hides part of a view from
     elsewhere was not removed."""
-    view, dark = ground_without_thing(BESIDE)
+    view, dark = ground_without_object(NEXT_TO)
     label = np.ones(CAMERA.hw, np.int8)
     found = find_remaining_shadow(view, label, NOTHING)
     assert found[dark].mean() > 0.85 and not (found & ~dilate_mask(dark, 3)).any() and not (found & view.hole).any()
-    assert not find_remaining_shadow(ground_without_thing()[0], label, NOTHING).any()
-    assert not find_remaining_shadow(ground_without_thing(np.s_[100:110, 20:60])[0], label, NOTHING).any()
+    assert not find_remaining_shadow(ground_without_object()[0], label, NOTHING).any()
+    assert not find_remaining_shadow(ground_without_object(np.s_[100:110, 20:60])[0], label, NOTHING).any()
     tiles = [np.s_[row : row + 12, column : column + 16] for row in (52, 80, 104) for column in range(4, 160, 40)]
-    assert not find_remaining_shadow(ground_without_thing(*tiles, BESIDE)[0], label, NOTHING).any()
+    assert not find_remaining_shadow(ground_without_object(*tiles, NEXT_TO)[0], label, NOTHING).any()
     other = view.without(view.hole, HoleType.DISOCCLUDED)
     assert not find_remaining_shadow(other, label, NOTHING).any()
 
 
-def test_what_lies_far_behind_the_thing_or_in_estimated_depth_is_no_shadow() -> None:
+def test_what_lies_far_behind_the_object_or_in_estimated_depth_is_no_shadow() -> None:
     """Law: a dark window far behind a removed object is not its shadow, what lies at its depth is; estimated depth tells
     neither."""
-    view, dark = ground_without_thing(BESIDE)
+    view, dark = ground_without_object(NEXT_TO)
     label = np.ones(CAMERA.hw, np.int8)
     ground = float(np.median(view.depth[dark]))
     for depth, found in ((ground, True), (ground / 4, False)):
-        thing = View.from_rgbd(RGBD(view.color, np.full(CAMERA.hw, depth, np.float32), CAMERA))
-        law = Law.of(Scene((view,), (thing.without(~view.hole, HoleType.NONE),)))
+        item = View.from_rgbd(RGBD(view.color, np.full(CAMERA.hw, depth, np.float32), CAMERA))
+        law = Law.of(Scene((view,), (item.without(~view.hole, HoleType.NONE),)))
         assert find_remaining_shadow(view, label, law)[dark].any() == found
     guessed = view.with_planes(origin=np.where(view.hole, view.origin, np.uint8(Origin.ESTIMATED)))
     assert not find_remaining_shadow(guessed, label, NOTHING).any()
@@ -71,8 +71,8 @@ def test_what_lies_far_behind_the_thing_or_in_estimated_depth_is_no_shadow() -> 
 
 def test_how_much_of_it_stays_is_noted() -> None:
     """Closed form: the drawn pixels that the mask leaves, but for a rim; none where nothing is dark."""
-    for shadows, least, most in (((BESIDE,), 0.8, 1.25), ((), 0.0, 0.0)):
-        view, dark = ground_without_thing(*shadows)
+    for shadows, least, most in (((NEXT_TO,), 0.8, 1.25), ((), 0.0, 0.0)):
+        view, dark = ground_without_object(*shadows)
         frame = RGBD(view.color, view.depth, CAMERA)
         done = dlama.complete(frame, [CAMERA], mask=view.hole, filler="telea", dilate=0)
         assert least * dark.sum() <= done.meta["notes"]["remaining_shadow_px"] <= most * dark.sum()

@@ -57,7 +57,7 @@ def test_a_generators_metadata_is_read_back(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("in_range", "out_range"), [((-1.0, 1.0), None), ((0.0, 1.0), (-1.0, 1.0))])
 def test_what_comes_out_is_brought_to_0_and_1(in_range: tuple, out_range: tuple | None) -> None:
-    """Closed form: -1..1 becomes 0..1, told by out_range, or by in_range where that is None; nothing is clipped."""
+    """Closed form: -1..1 becomes 0..1, reported by out_range, or by in_range where that is None; nothing is clipped."""
     about = replace(contract_of_planes(3), in_range=in_range, out_range=out_range)
     np.testing.assert_allclose(about.unit_output(np.float32([-1, 0, 0.5, 1, 3])), [0, 0.5, 0.75, 1, 2])
 
@@ -107,7 +107,7 @@ def test_each_picture_is_zeroed_in_its_own_hole() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "reported"),
     [
         ({"in_planes": ["red", "green", "blue", "left mask", "right mask"]}, "a pair has 6"),
         ({"in_planes": ["red", "green", "blue", "mask", "mask"]}, "'left mask' and 'right mask'"),
@@ -129,9 +129,9 @@ def test_each_picture_is_zeroed_in_its_own_hole() -> None:
         ({"out_planes": ["red"]}, "same planes"),
     ],
 )
-def test_a_bad_contract_is_refused(changes: dict, told: str) -> None:
+def test_a_bad_contract_is_refused(changes: dict, reported: str) -> None:
     """Law: one line that names the file and the field."""
-    with pytest.raises(FileError, match=told) as error:
+    with pytest.raises(FileError, match=reported) as error:
         read(**changes)
     assert "x.onnx" in str(error.value) and "\n" not in str(error.value)
 
@@ -151,9 +151,9 @@ def test_a_torn_contract_is_refused() -> None:
 def test_wrong_channels_name_the_right_filler() -> None:
     """Law: 5 -> 4 is no lama, but joint."""
     require_planes(contract_of_planes(4), 4, "x.onnx", "joint")
-    told = r"x\.onnx: takes 5 planes and gives 4; the filler 'lama' needs 4 in and 3 out; the filler 'joint'"
-    with pytest.raises(InputError, match=told):
+    reported = r"x\.onnx: takes 5 planes and gives 4; the filler 'lama' needs 4 in and 3 out; the filler 'joint'"
+    with pytest.raises(InputError, match=reported):
         require_planes(contract_of_planes(4), 3, "x.onnx", "lama")
-    told = r"takes 5 planes and gives 4; the filler 'pair' needs 7 or 8 in and 6 out; the filler 'joint'"
-    with pytest.raises(InputError, match=told):
+    reported = r"takes 5 planes and gives 4; the filler 'pair' needs 7 or 8 in and 6 out; the filler 'joint'"
+    with pytest.raises(InputError, match=reported):
         require_planes(contract_of_planes(4), 6, "x.onnx", "pair")

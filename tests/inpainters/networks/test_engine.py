@@ -102,7 +102,7 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
     nan = constant(tmp_path / "nan.onnx", 3, np.nan, 0, 0)
     with pytest.raises(FileError, match=r"none\.onnx: no such model file"):
         find_filler("lama", tmp_path / "none.onnx")
-    for name, path, told in (
+    for name, path, reported in (
         ("lama", tmp_path / "text.onnx", "text.onnx: cannot be opened .*dlama models convert"),
         (
             "lama",
@@ -114,7 +114,7 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
         ("joint", lying, "lying.onnx: the graph has 4 planes"),
         ("lama", nan, "nan.onnx: the network gave values that are not finite"),
     ):
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=reported):
             inpaint(holed(), find_filler(name, path), NOTHING)
 
 

@@ -87,7 +87,7 @@ class Listener:
         return np.full_like(feed["planes"][:, :6], 0.5)
 
 
-def test_a_tile_in_the_hole_goes_on_from_what_was_filled() -> None:
+def test_a_tile_in_the_hole_continues_from_what_was_filled() -> None:
     """Probe: what a tile is shown without a mask is the picture where it was known and the answer (0.5) where an earlier tile
     filled it, never the answer in a picture that was known, and never a mask on what is shown."""
     planes, holes = np.full((6, 200, 200), 0.9, np.float32), np.zeros((2, 200, 200), bool)
@@ -110,9 +110,9 @@ def test_the_notes_say_which_masks_it_got(tmp_path: Path) -> None:
     """Law: nothing is guessed silently: the contract decides, and meta.json says what it decided."""
     nothing = np.zeros((24, 24), bool)
     one, two = (constant(tmp_path / "one.onnx", 6, 0, 0, 0, 0, 0, 0, **SIX), two_mask_probe(tmp_path / "two.onnx"))
-    for model, told in ((one, "one: the union"), (two, "two: the left")):
+    for model, reported in ((one, "one: the union"), (two, "two: the left")):
         notes = filler(model).painter(np.zeros((24, 24, 3), np.uint8), nothing, left=True).notes()
-        assert notes["model"] == model.name and notes["masks"].startswith(told)
+        assert notes["model"] == model.name and notes["masks"].startswith(reported)
 
 
 @pytest.mark.slow

@@ -74,7 +74,7 @@ def test_seams_are_blended() -> None:
     assert abs(np.diff(out[:, 1::5], axis=0)).max() < 0.08
 
 
-def test_a_tile_of_nothing_goes_on_from_its_neighbours() -> None:
+def test_a_tile_of_nothing_continues_from_its_neighbours() -> None:
     """Law: in a hole far larger than a tile, every call sees something known; the first of them the true rim."""
     shares: list[float] = []
 

@@ -31,7 +31,7 @@ def with_mean(picture: np.ndarray) -> np.ndarray:
     return np.where(HOLE[..., None], picture[~HOLE].mean(0).astype(np.uint8), picture)
 
 
-def test_a_pattern_goes_on_whatever_the_guess() -> None:
+def test_a_pattern_continues_whatever_the_guess() -> None:
     """Truth: a wall whose pattern repeats; of a grey guess of it hardly a pixel is left wrong."""
     wall = brick_wall()
     done = complete_picture(with_mean(wall), HOLE)[0]

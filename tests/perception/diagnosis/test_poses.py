@@ -55,8 +55,8 @@ def test_good_poses(seed: int) -> None:
 
 @pytest.mark.parametrize("name", POSES)
 def test_conventions(name: str) -> None:
-    spoil, wanted = POSES[name]
-    assert [each.check for each in poses_of(moved(hand_held(3), spoil))] == [wanted]
+    spoil, expected = POSES[name]
+    assert [each.check for each in poses_of(moved(hand_held(3), spoil))] == [expected]
 
 
 def test_quaternions_in_another_order() -> None:
@@ -96,8 +96,8 @@ def test_a_real_sequence(tmp_path: Path) -> None:
     (finding,) = dlama.diagnose(link_kitchen(tmp_path))
     assert finding.check == "understood" and "layout nerfstudio, 6 frames" in finding.what
     frames = [frame.load() for frame in open_dataset(tmp_path).frames[:3]]
-    for wanted, spoil in {check: spoil for spoil, check in POSES.values()}.items():
-        assert [each.check for each in poses_of(moved(frames, spoil))] == [wanted]
+    for expected, spoil in {check: spoil for spoil, check in POSES.values()}.items():
+        assert [each.check for each in poses_of(moved(frames, spoil))] == [expected]
 
 
 @needs_data

@@ -53,8 +53,8 @@ def test_nothing_is_wrong_with_worlds(seed: int) -> None:
 
 @pytest.mark.parametrize(("name", "seed"), list(zip(SPOILT, SEEDS * len(SPOILT))))
 def test_what_was_spoilt_is_named(name: str, seed: int) -> None:
-    spoil, wanted = SPOILT[name]
-    assert faults(spoil(world(seed))) & set(wanted)
+    spoil, expected = SPOILT[name]
+    assert faults(spoil(world(seed))) & set(expected)
 
 
 def test_ground_and_unit_are_found() -> None:
@@ -182,7 +182,7 @@ def test_how_sure_in_words() -> None:
 
 
 @pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
-def test_the_bend_of_a_kinects_depth_is_told_though_its_noise_is_as_large() -> None:
+def test_the_bend_of_a_kinects_depth_is_reported_though_its_noise_is_as_large() -> None:
     """Oracle: distance along the ray that was put in; as it was recorded nothing is said."""
     folder = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence"
     files = zip(sorted((folder / "images").iterdir()), sorted((folder / "depth").iterdir()), strict=True)

@@ -124,13 +124,13 @@ def test_a_stool_before_a_bed_of_a_generated_world() -> None:
     assert iou(found, true) > 0.9
 
 
-def test_a_click_beside_takes_a_piece_away(scene: tuple[RGBD, np.ndarray]) -> None:
+def test_a_click_next_to_it_takes_a_piece_away(scene: tuple[RGBD, np.ndarray]) -> None:
     """With `group` both boxes may come; not_clicks never lie in the mask, clicks always do."""
     rgbd, shown = scene
-    click, beside = innermost_pixel(shown == 2), innermost_pixel(shown == 5)
-    mask = find_mask(rgbd, clicks=[click], not_clicks=[beside], candidate="group").mask
+    click, next_to = innermost_pixel(shown == 2), innermost_pixel(shown == 5)
+    mask = find_mask(rgbd, clicks=[click], not_clicks=[next_to], candidate="group").mask
     assert mask[click[1], click[0]]
-    assert not mask[beside[1], beside[0]]
+    assert not mask[next_to[1], next_to[0]]
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_bad_input_is_one_line(
     assert "\n" not in str(error.value)
 
 
-def test_the_sky_is_no_thing() -> None:
+def test_the_sky_is_no_object() -> None:
     depth = np.full((40, 50), np.inf, np.float32)
     depth[20:] = 3
     rgbd = RGBD(np.zeros((40, 50, 3), np.uint8), depth, Camera.from_fov(50, 40, 60))
@@ -166,7 +166,7 @@ def test_the_sky_is_no_thing() -> None:
         find_mask(rgbd, clicks=[(25, 3)])
 
 
-def test_what_is_more_than_half_of_the_picture_is_told(scene: tuple[RGBD, np.ndarray]) -> None:
+def test_what_is_more_than_half_of_the_picture_is_reported(scene: tuple[RGBD, np.ndarray]) -> None:
     """Law: a click on an object that fills most of the picture gives it, with a note; the small box has none."""
     large = World((Plane((0, 0, 5), (0, 0, -1)), Box((-1.2, -1.0, 2.6), (1.4, 1.0, 3.2))))
     assert find_mask(large.rgbd(CAMERA), clicks=[(60, 45)]).notes == (TOO_MUCH,)
@@ -227,9 +227,9 @@ def test_a_click_in_a_large_picture(large_scene: tuple[RGBD, np.ndarray]) -> Non
     rgbd, true = large_scene
     at = innermost_pixel(true)
     assert iou(find_mask(rgbd, clicks=[at]).mask, true) > 0.97
-    beside = at[0] + 1, at[1]
-    found = find_mask(rgbd, clicks=[at], not_clicks=[beside]).mask
-    assert found[int(at[1]), int(at[0])] and not found[int(beside[1]), int(beside[0])]
+    next_to = at[0] + 1, at[1]
+    found = find_mask(rgbd, clicks=[at], not_clicks=[next_to]).mask
+    assert found[int(at[1]), int(at[0])] and not found[int(next_to[1]), int(next_to[0])]
     assert iou(find_mask(rgbd, box=box_round(true, 6)).mask, true) > 0.97
     with pytest.raises(MaskError, match=r"`?clicks`? holds 600,40,"):
         find_mask(rgbd, clicks=[(600, 40)])

@@ -25,9 +25,9 @@ CAMERA = Camera.from_fov(320, 240, 90)
 GROUND, BACK = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 9), (0, 0, -1))
 
 
-def seen(thing: Box) -> tuple[RGBD, BoolArray, Ground, np.ndarray]:
+def seen(item: Box) -> tuple[RGBD, BoolArray, Ground, np.ndarray]:
     """The frame, the object's mask, the ground, and the points seen."""
-    world = World((GROUND, BACK, thing))
+    world = World((GROUND, BACK, item))
     rgbd, shown = world.rgbd(CAMERA), world.trace(CAMERA)[1]
     mask = shown == 2
     ground = find_ground(rgbd, mask, find_planes_of_picture(rgbd))
@@ -37,8 +37,8 @@ def seen(thing: Box) -> tuple[RGBD, BoolArray, Ground, np.ndarray]:
 
 def hidden_from(rgbd: RGBD, mask: BoolArray, ground: Ground) -> np.ndarray:
     """H x W: how much of the sky the object under the mask hides."""
-    thing = measure_object(*object_points(rgbd, mask, ground), ground)
-    return ambient_occlusion(thing, rgbd.camera, crop_around(mask))
+    item = measure_object(*object_points(rgbd, mask, ground), ground)
+    return ambient_occlusion(item, rgbd.camera, crop_around(mask))
 
 
 def test_before_a_wide_wall() -> None:
@@ -75,12 +75,12 @@ def test_the_lit_surface_of_an_overcast_day() -> None:
     )
     gray = np.repeat(np.clip(level, 0, 255).astype(np.uint8)[..., None], 3, 2)
     made = RGBD(gray, rgbd.depth, CAMERA)
-    told, blind = (measure_darkness(made, mask, ground.surface, each) for each in (hidden, np.zeros_like(hidden)))
-    assert told is not None and blind is not None and not blind.ambient.any()
+    reported, blind = (measure_darkness(made, mask, ground.surface, each) for each in (hidden, np.zeros_like(hidden)))
+    assert reported is not None and blind is not None and not blind.ambient.any()
     dark = ground.surface & (hidden > 0.2) & (hidden < 0.9)
     true = -0.4 * np.log(1 - hidden[dark])
-    assert np.abs(told.dark[dark] - true).mean() < 0.03 < np.abs(blind.dark[dark] - true).mean()
-    assert np.abs(told.ambient[dark] - true).mean() < 0.03
+    assert np.abs(reported.dark[dark] - true).mean() < 0.03 < np.abs(blind.dark[dark] - true).mean()
+    assert np.abs(reported.ambient[dark] - true).mean() < 0.03
 
 
 def test_no_more_light_is_lost_than_there_is() -> None:
@@ -88,24 +88,26 @@ def test_no_more_light_is_lost_than_there_is() -> None:
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
     hidden = hidden_from(rgbd, mask, ground)
     level = np.repeat((200 * (1 - np.minimum(hidden, 0.95)) ** 1.2).astype(np.uint8)[..., None], 3, 2)
-    told = measure_darkness(RGBD(level, rgbd.depth, CAMERA), mask, ground.surface, hidden)
-    assert told is not None
-    assert (told.ambient <= -np.log(1 - np.minimum(hidden, 0.95)) / 2.2 + 1e-6).all() and told.ambient.max() > 0.3
+    reported = measure_darkness(RGBD(level, rgbd.depth, CAMERA), mask, ground.surface, hidden)
+    assert reported is not None
+    assert (
+        reported.ambient <= -np.log(1 - np.minimum(hidden, 0.95)) / 2.2 + 1e-6
+    ).all() and reported.ambient.max() > 0.3
 
 
-def test_a_thing_that_brightens_keeps_nothing_from_the_surface() -> None:
+def test_an_object_that_brightens_keeps_nothing_from_the_surface() -> None:
     """Law: light that the object throws on the ground is no negative shadow."""
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
     hidden = hidden_from(rgbd, mask, ground)
     gray = np.repeat(np.clip(100 * (1 + hidden), 0, 255).astype(np.uint8)[..., None], 3, 2)
-    told = measure_darkness(RGBD(gray, rgbd.depth, CAMERA), mask, ground.surface, hidden)
-    assert told is not None and not told.ambient.any()
+    reported = measure_darkness(RGBD(gray, rgbd.depth, CAMERA), mask, ground.surface, hidden)
+    assert reported is not None and not reported.ambient.any()
 
 
 @pytest.mark.parametrize("contrast", [0, 40])
 def test_the_rim_of_a_soft_shadow(contrast: int) -> None:
     """The ground loses what is hidden of the sky: of a smooth one all is found that is a tenth darker, from its core on; on tiles
-    whose levels differ by several times that nothing is told."""
+    whose levels differ by several times that nothing is reported."""
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
     hidden = hidden_from(rgbd, mask, ground)
     tiles = contrast * ((np.indices(mask.shape) // 16).sum(0) % 2)

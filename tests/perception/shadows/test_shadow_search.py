@@ -31,8 +31,8 @@ def test_thrown_shapes_against_a_twin() -> None:
             for v, u in inside
             if 0 < v < 29 and 0 < u < 39 and not {(v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)} <= shape
         ]
-        wanted = sum(values[p] for p in inside), len(inside), len(border)
-        assert out[k] == pytest.approx(wanted), k
+        expected = sum(values[p] for p in inside), len(inside), len(border)
+        assert out[k] == pytest.approx(expected), k
 
 
 def test_the_flux_through_a_border_is_the_sum_inside() -> None:

@@ -106,7 +106,7 @@ def test_a_shadow_in_matched_depth() -> None:
     assert iou(find_shadow(matched, mask), find_shadow(exact, mask)) > 0.7
 
 
-def test_another_thing_in_the_shadow_is_never_covered() -> None:
+def test_another_object_in_the_shadow_is_never_covered() -> None:
     """Law: only the surface is covered. A second box stands where the first one's shadow falls, as dark as that; where it meets
     the ground, which is both, a pixel is allowed."""
     rgbd, mask, shadow = lit_and_shadow(0.5)
@@ -120,7 +120,7 @@ def test_another_thing_in_the_shadow_is_never_covered() -> None:
 
 
 def test_a_side_that_the_mask_lacks_comes_with_the_shadow() -> None:
-    """What the object and its shadow enclose is taken out with them; what is surface there, or enclosed by the object alone,
+    """What the object and its shadow enclose is removed with them; what is surface there, or enclosed by the object alone,
     is not."""
     mask, shadow, surface = np.zeros((3, 40, 40), np.bool_)
     mask[5:20, 5:30] = True
@@ -136,8 +136,8 @@ def test_a_side_that_the_mask_lacks_comes_with_the_shadow() -> None:
 
 
 def test_what_is_black_right_under_an_object_is_its_shadow() -> None:
-    """The black band under it, as under a car, comes with a grey shadow beside it; a black stripe of the ground farther off, and
-    one beside the object, do not."""
+    """The black band under it, as under a car, comes with a grey shadow next to it; a black stripe of the ground farther off, and
+    one next to the object, do not."""
     rgbd, _, _ = lit_and_shadow(1.0)
     mask, shadow, band, stripes, usable = np.zeros((5, *rgbd.depth.shape), np.bool_)
     mask[40:100, 60:160] = True

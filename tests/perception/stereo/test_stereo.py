@@ -208,9 +208,9 @@ def test_carried_mask_of_a_square() -> None:
     disparity = np.where(mask, NEAR, BACK).astype(np.float32)
     disparity[30:50, 60:75] = 0  # unknown inside the mask
     disparity[40, :] = np.nan
-    wanted = np.zeros_like(mask)
-    wanted[25:65, 60 - 21 : 110 - 21] = True
-    np.testing.assert_array_equal(transfer_mask(mask, disparity), wanted)
+    expected = np.zeros_like(mask)
+    expected[25:65, 60 - 21 : 110 - 21] = True
+    np.testing.assert_array_equal(transfer_mask(mask, disparity), expected)
 
 
 def test_carried_mask_has_no_cracks_on_a_slant() -> None:
@@ -238,8 +238,8 @@ def middlebury(data_dir: Path, name: str) -> tuple[Array, Array, list[Array]]:
     """Left, right, true left and (where published) right disparity; 0 = unknown."""
     if name == "motorcycle":
         folder = data_dir / "data/motorcycle"
-        with np.load(folder / "disparity.npz") as told:
-            truths = [np.nan_to_num(told["disparity"], posinf=0)]
+        with np.load(folder / "disparity.npz") as reported:
+            truths = [np.nan_to_num(reported["disparity"], posinf=0)]
     else:
         folder = data_dir / "data/stereo" / name
         scale = json.loads((folder / "calib.json").read_text())["disparity_scale"]

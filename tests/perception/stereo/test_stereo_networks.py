@@ -65,7 +65,7 @@ def test_a_network_of_one_size(tmp_path: Path) -> None:
     np.testing.assert_allclose(at_left[:, 2 * SHIFT :], 2 * SHIFT, rtol=1e-5)
 
 
-def test_the_contract_may_lie_beside_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_contract_may_lie_next_to_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Round trip, also from a user's home; without one, or with a wrong one, the file is refused by name."""
     monkeypatch.setenv("HOME", str(tmp_path))
     path = tiny(tmp_path / "raft.onnx", None, -1.0)
@@ -73,14 +73,14 @@ def test_the_contract_may_lie_beside_the_file(tmp_path: Path, monkeypatch: pytes
         NetworkMatcher.open(path)
     (tmp_path / "raft.json").write_text(json.dumps({"network": "stereo matching", "sign": -1}))
     np.testing.assert_allclose(NetworkMatcher.open("~/raft.onnx")(*pair())[0][:, SHIFT:], SHIFT)
-    for words, told in (
+    for words, reported in (
         ({"network": "lama"}, "'lama' by its contract"),
         ({"network": "stereo matching", "colour": 1}, "its contract has colour"),
         ({"network": "stereo matching", "sign": 2}, "sign is 2"),
         ([1], "cannot be read"),
     ):
         (tmp_path / "raft.json").write_text(json.dumps(words))
-        with pytest.raises(FileError, match=told):
+        with pytest.raises(FileError, match=reported):
             NetworkMatcher.open(path)
 
 

@@ -57,7 +57,7 @@ def killed_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def killed(killed_run: Path, tmp_path: Path) -> Path:
-    """A run that was killed before any checkpoint, to go on with."""
+    """A run that was killed before any checkpoint, to continue with."""
     return shutil.copytree(killed_run, tmp_path / "run")
 
 

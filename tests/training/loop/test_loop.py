@@ -87,8 +87,8 @@ def test_tinys_network_fills_a_view_from_the_command_line(tiny_run, tmp_path):
     planes = (planes * np.concatenate([np.broadcast_to(~hole, (4, *hole.shape)), hole[None]])).astype(np.float32)
     with torch.no_grad():
         network = generator_from_state(read_generator(tiny_run.run / "tiny.safetensors").state)
-        wanted = network(torch.from_numpy(planes)[None])[0, :3].numpy().transpose(1, 2, 0)
-    assert np.abs(wanted * 255 - written["image"])[hole].max() <= 1
+        expected = network(torch.from_numpy(planes)[None])[0, :3].numpy().transpose(1, 2, 0)
+    assert np.abs(expected * 255 - written["image"])[hole].max() <= 1
 
 
 def test_tiny_learns_on_held_out_samples(tiny_run):
@@ -113,10 +113,10 @@ def test_the_exported_network_is_the_moving_average(tiny_run):
         key.removeprefix("average."): value.numpy() for key, value in given.items() if key.startswith("average.")
     }
     with torch.no_grad():
-        wanted = generator_from_state(average)(torch.from_numpy(sample["input"])[None]).numpy()
+        expected = generator_from_state(average)(torch.from_numpy(sample["input"])[None]).numpy()
     got = engine.run_planes(sample["target"][None], sample["mask"][0] > 0)
-    np.testing.assert_allclose(got, wanted, atol=1e-5)
-    assert wanted.std() > 0.05
+    np.testing.assert_allclose(got, expected, atol=1e-5)
+    assert expected.std() > 0.05
 
 
 def test_the_checkpoint_is_a_lama_checkpoint(tiny_run):
@@ -162,7 +162,7 @@ def test_other_planes_train_and_export(planes, tmp_path):
 
 
 def test_a_bad_batch_does_not_kill_the_run(tmp_path):
-    """Oracle: law; the weights after the bad step are those of the last state that was kept, and the run goes on."""
+    """Oracle: law; the weights after the bad step are those of the last state that was kept, and the run continues."""
     chosen = toy(steps=5)
     seen = {}
 
@@ -204,7 +204,7 @@ def test_a_full_disk_leaves_the_old_checkpoint_whole(tmp_path, monkeypatch):
     before = path.read_bytes()
 
     def full(kind):
-        def save(thing, stream):
+        def save(item, stream):
             stream.write(b"half of it")
             raise (
                 kind(errno.ENOSPC, "No space left on device") if kind is OSError else kind("PytorchStreamWriter failed")
@@ -219,7 +219,7 @@ def test_a_full_disk_leaves_the_old_checkpoint_whole(tmp_path, monkeypatch):
         assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
 
 
-def test_the_run_goes_on_when_a_checkpoint_fails_but_not_without_the_last(tmp_path, monkeypatch):
+def test_the_run_continues_when_a_checkpoint_fails_but_not_without_the_last(tmp_path, monkeypatch):
     """Oracle: law; a checkpoint on the way may fail, which the log says, the last one may not."""
     failing = {1}
 

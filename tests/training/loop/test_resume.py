@@ -115,7 +115,7 @@ def test_a_finished_run_is_exported_again(tmp_path):
     assert train(toy(steps=2), run, resume=True).network.read_bytes() == before
 
 
-def test_a_run_goes_on_with_the_data_that_it_began_with(tmp_path, monkeypatch):
+def test_a_run_continues_with_the_data_that_it_began_with(tmp_path, monkeypatch):
     """Resumed without `data`, from elsewhere, a run reads the folders of its beginning, named relative to where that was."""
     folder, run, asked = tmp_path / "photos", tmp_path / "run", []
     folder.mkdir()

@@ -249,8 +249,8 @@ def test_a_trunk_is_read_strictly(suffix, trunk, tmp_path):
     assert loss.name == "resnet50-dilated" and not loss.trunk.training
     picture = torch.rand(1, 3, 64, 64)
     with torch.no_grad():
-        for mine, wanted in zip(loss.trunk(picture), trunk(picture)):
-            torch.testing.assert_close(mine, wanted)
+        for mine, expected in zip(loss.trunk(picture), trunk(picture)):
+            torch.testing.assert_close(mine, expected)
     missing = next(key for key in state if key.endswith("conv3.weight"))
     save({key: tensor for key, tensor in state.items() if key != missing}, path)
     with pytest.raises(FileError, match=missing):

@@ -50,7 +50,7 @@ def test_warnings_go_elsewhere_where_nobody_listens() -> None:
 
 
 def test_a_run_is_cancelled_at_its_next_stage() -> None:
-    """Work that would go on for ever ends, no handler of errors catches it, and the next run gets its turn."""
+    """Work that would continue for ever ends, no handler of errors catches it, and the next run gets its turn."""
     began, steps = threading.Event(), []
 
     def work() -> None:
@@ -118,7 +118,7 @@ def test_a_page_loaded_again_hears_of_a_run_that_ended_meanwhile(visit: Visit, f
 
 def test_a_result_stays_until_the_next_one_is_there(visit: Visit, frame: Path) -> None:
     """Cancelled or failed, the second run leaves the first result (oracle: the same object), which can be taken home. Its
-    error is told once, as the library says it."""
+    error is reported once, as the library says it."""
     open_frame(visit, frame)
     first = completed(visit, yaw=1)
     with ONE_AT_A_TIME:  # it cannot end before it is cancelled

@@ -98,8 +98,8 @@ def test_a_plate_of_16_bits_is_taken_home_in_16(
     color = pixels(frame / "image.png").astype(np.uint16) << 8 | 5
     cv2.imwrite(str(frame / "image.png"), color[..., ::-1])
     with warnings_by_thread():
-        told = open_frame(visit, frame)
-    assert any("has 16 bits a channel" in line for line in told["warnings"])
+        reported = open_frame(visit, frame)
+    assert any("has 16 bits a channel" in line for line in reported["warnings"])
     api.mark(visit, {"marks": [CLICK]})
     result = completed(visit)
     packed, lines = unpacked(result, visit), take_home.how(result)["python"]

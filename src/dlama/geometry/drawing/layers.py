@@ -31,7 +31,7 @@ Mode = Literal["surface", "points"]
 MODES: tuple[Mode, ...] = ("surface", "points")
 
 ALL = np.zeros((0, 0), np.int32)
-"""Instead of a table of the pixels that count (`count_wanted`): all do."""
+"""Instead of a table of the pixels that count (`count_needed`): all do."""
 NO_ERRORS = freeze(np.zeros((0, 0, 2), np.float32))
 """Instead of `View.errors` where there are none."""
 
@@ -132,9 +132,9 @@ class Drawn(NamedTuple):
         )
 
 
-def count_wanted(wanted: BoolArray) -> NDArray[np.int32]:
+def count_needed(needed: BoolArray) -> NDArray[np.int32]:
     """The table for `draw` of the pixels that count (H x W); with their neighbours, which colours are averaged over."""
-    return np.asarray(cv2.integral(dilate_square(wanted, 3).view(np.uint8)), np.int32)
+    return np.asarray(cv2.integral(dilate_square(needed, 3).view(np.uint8)), np.int32)
 
 
 def crop_count(count: NDArray[np.int32], rows: slice, columns: slice) -> NDArray[np.int32]:
@@ -146,7 +146,7 @@ def crop_count(count: NDArray[np.int32], rows: slice, columns: slice) -> NDArray
 def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
     """One layer's finite surfaces, drawn onto an empty canvas.
 
-    count: of the pixels that count (`count_wanted`); all others may come out as anything.
+    count: of the pixels that count (`count_needed`); all others may come out as anything.
     """
     if grid.own_camera:
         view = grid.layer

@@ -17,7 +17,7 @@ import numpy as np
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.codes import HoleType, Origin, from_source
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.layers import ALL, Drawn, Grid, Mode, Surface, count_wanted, draw_apart
+from dlama.geometry.drawing.layers import ALL, Drawn, Grid, Mode, Surface, count_needed, draw_apart
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.foreground import interpolate_harmonic
@@ -54,7 +54,7 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, errors: b
     best, count = np.zeros(camera.hw, np.uint16), ALL
     if own is not None:
         gains, best[own.valid | own.far] = gains / gains[0], 1
-        count = count_wanted(best == 0)
+        count = count_needed(best == 0)
     drawn = [np.zeros((len(grids), *plane.shape), plane.dtype) for plane in Canvas.empty(camera)]
     draw_apart(grids, [Canvas(*planes) for planes in zip(*drawn)], [count] * len(grids), far=True)
     canvas = Canvas.empty(camera, errors)

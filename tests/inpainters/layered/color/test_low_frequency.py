@@ -44,9 +44,9 @@ def test_a_guess_leans_on_the_known_colour_by_distance(nearness: float) -> None:
     out = blend_with_low_frequency(view, painted(view), view.hole, w)
     distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)[view.hole]
     share = LARGEST_SHARE * (1 - np.exp(-distance / (REACH * 60))) * np.clip(2 * (1 - nearness), 0, 1)
-    wanted = PAINTED * (1 - share[:, None]) + KNOWN * share[:, None]
+    expected = PAINTED * (1 - share[:, None]) + KNOWN * share[:, None]
     assert share.max() > 0.2 or nearness >= 1
-    assert np.abs(out[view.hole] - wanted).max() <= DRIFT
+    assert np.abs(out[view.hole] - expected).max() <= DRIFT
     np.testing.assert_array_equal(out[~view.hole], view.color[~view.hole])
 
 

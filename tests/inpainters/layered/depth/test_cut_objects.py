@@ -12,7 +12,7 @@ from dlama.perception.planes import SMOOTH
 HW, BORDER = (120, 160), 110
 ROWS, COLUMNS = np.indices(HW)
 UNSEEN = BORDER <= COLUMNS
-WALL, THING = 0.1, 0.5
+WALL, OBJECT = 0.1, 0.5
 """Inverse depths, 1/m."""
 
 
@@ -20,28 +20,28 @@ GAPS = np.random.default_rng(0).random(HW) < 0.2
 """Between leaves."""
 
 
-def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutObjects:
+def cut(item: np.ndarray, w: np.ndarray | None = None) -> CutObjects:
     """Of an object (h x w) before a wall, all but for what lies beyond the BORDER known."""
-    w = np.where(thing, THING, WALL).astype(np.float32) if w is None else w
-    label = np.where(thing, SMOOTH, 1).astype(np.int8)
+    w = np.where(item, OBJECT, WALL).astype(np.float32) if w is None else w
+    label = np.where(item, SMOOTH, 1).astype(np.int8)
     return find_cut_objects(w, label, UNSEEN, dilate_mask(UNSEEN, 2))
 
 
 @pytest.mark.parametrize("inside", [-10, -6, 0, 8])
-def test_a_disc_goes_on_as_the_circle_that_it_is(inside: int) -> None:
+def test_a_disc_continues_as_the_circle_that_it_is(inside: int) -> None:
     """Truth: of a disc of 20 cells full of gaps, its middle so many cells before the border, what nobody sees is found."""
     disc = np.hypot(ROWS - 60, COLUMNS - (BORDER - inside)) <= 20
     found = cut(disc & ~GAPS)
     beyond, truth = (found.number > 0) & UNSEEN, disc & UNSEEN
     assert (beyond & truth).sum() > 0.65 * (beyond | truth).sum()
-    assert found.inverse_depth[1:] == pytest.approx([THING])
+    assert found.inverse_depth[1:] == pytest.approx([OBJECT])
     assert (found.number[disc & ~GAPS & (COLUMNS >= BORDER - 5) & ~UNSEEN] == 1).all()
     assert np.isinf(found.beyond[UNSEEN]).all()
     np.testing.assert_allclose(found.circle[1], (60, BORDER - inside, 20), atol=3)
 
 
 @pytest.mark.parametrize(
-    ("thing", "end"),
+    ("item", "end"),
     [
         (np.hypot(ROWS - 60, COLUMNS - BORDER) <= 20, 0),
         ((COLUMNS >= BORDER - 4) & (np.abs(ROWS - 60) < 25) & ~GAPS, 0),
@@ -49,13 +49,13 @@ def test_a_disc_goes_on_as_the_circle_that_it_is(inside: int) -> None:
     ],
     ids=["solid", "strip along the border", "post cut across"],
 )
-def test_what_ends_at_the_border(thing: np.ndarray, end: int) -> None:
+def test_what_ends_at_the_border(item: np.ndarray, end: int) -> None:
     """Law: an eave or a bench, without gaps, has no number, nor has a strip of 4 cells that may end there. Closed form: a bar of
     60 x 5 cells continues for less than its width."""
-    assert not (cut(thing).number > 0)[:, end:].any()
+    assert not (cut(item).number > 0)[:, end:].any()
 
 
-def test_things_at_different_depths_are_two() -> None:
+def test_objects_at_different_depths_are_two() -> None:
     """Law: a disc before a farther one: two numbers, two inverse depths, and the nearer one is in front where both continue."""
     first, second = (np.hypot(ROWS - row, COLUMNS - BORDER) <= 18 for row in (45, 70))
     w = np.where(GAPS, WALL, np.where(first, 0.5, np.where(second, 0.25, WALL))).astype(np.float32)
@@ -65,7 +65,7 @@ def test_things_at_different_depths_are_two() -> None:
     assert both.sum() > 50 and (found.inverse_depth[found.number[both]] == 0.5).mean() > 0.8
 
 
-def test_nothing_goes_on_where_nothing_is_cut() -> None:
+def test_nothing_continues_where_nothing_is_cut() -> None:
     """Closed form: a disc inside the picture has no number; `beyond` is the distance from it, less 0.3 of its root area."""
     disc = np.hypot(ROWS - 60, COLUMNS - 40) <= 10
     found = cut(disc)

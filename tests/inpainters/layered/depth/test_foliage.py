@@ -38,7 +38,7 @@ def bush_before_a_wall(seed: int = 0) -> tuple[View, np.ndarray]:
 
 
 @pytest.mark.parametrize("filler", [layered, paint_over_depth(find_filler("telea"))], ids=["layered", "telea"])
-def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) -> None:
+def test_a_bush_continues_with_its_own_leaves_whoever_paints(filler: Inpainter) -> None:
     """Truth: out of view the bush is as green, uneven and dense, at the depths of its leaves; next to it the wall continues."""
     view, bush = bush_before_a_wall()
     done, _ = inpaint(view, filler, FillContext(Law(())))
@@ -52,7 +52,7 @@ def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) ->
     assert done.color[unseen & ~outer].mean() > 150
 
 
-def things_of(number: np.ndarray, circle: tuple[float, float, float], w: float = 0.33) -> CutObjects:
+def objects_of(number: np.ndarray, circle: tuple[float, float, float], w: float = 0.33) -> CutObjects:
     """One object, whose cells are pixels."""
     two = np.array([0, w], np.float32), np.array([(0, 0, 0), circle], np.float32)
     return CutObjects(np.zeros(number.shape, np.float32), number.astype(np.int32), *two)
@@ -64,15 +64,15 @@ def test_leaves_are_copied_from_leaves() -> None:
     view, bush = bush_before_a_wall()
     w = np.where(view.hole, 0, 1 / np.where(view.hole, 1, view.depth)).astype(np.float32)
     number = np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50
-    things = things_of(number & (view.hole | bush), (80, BORDER, 50))
-    found = copy_leaves(view, w, things, seed=1)
+    items = objects_of(number & (view.hole | bush), (80, BORDER, 50))
+    found = copy_leaves(view, w, items, seed=1)
     pixels, leaves = found
     copied = np.zeros(w.shape, bool)
     copied.ravel()[pixels] = True
     assert copied.sum() == len(pixels) and copied[number & view.hole].mean() > 0.5
     assert not copied[~view.hole | (np.hypot(ROWS - 80, COLUMNS - BORDER) > 55)].any()
     assert (bush & ~view.hole).ravel()[leaves].all()
-    np.testing.assert_array_equal(found, copy_leaves(view, w, things, seed=1))
+    np.testing.assert_array_equal(found, copy_leaves(view, w, items, seed=1))
 
 
 def test_too_narrow_a_strip_shows_no_leaves() -> None:
@@ -81,7 +81,7 @@ def test_too_narrow_a_strip_shows_no_leaves() -> None:
     narrow = view.without(COLUMNS < BORDER - 3, HoleType.SENSOR)
     w = np.where(narrow.hole, 0, 1 / np.where(narrow.hole, 1, narrow.depth)).astype(np.float32)
     number = (np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50) & (narrow.hole_type != HoleType.SENSOR)
-    assert not copy_leaves(narrow, w, things_of(number, (80, BORDER, 50))).size
+    assert not copy_leaves(narrow, w, objects_of(number, (80, BORDER, 50))).size
 
 
 def test_what_has_no_steps_is_no_leaf() -> None:
@@ -107,7 +107,7 @@ def test_quilting_is_as_its_twin(stride: int) -> None:
     own, there = (rng.random((len(a), 2)).astype(np.float32) for a in (places, corners))
     tried = rng.integers(0, len(corners), (len(places), 5)).astype(np.int32)
     bumps = rng.normal(size=hw).astype(np.float32)
-    wanted = quilted(state, color, places, corners, own, tried, there, side, stride, 80.0, RIM + -RIM_BUMPS * bumps)
+    expected = quilted(state, color, places, corners, own, tried, there, side, stride, 80.0, RIM + -RIM_BUMPS * bumps)
     quilt(state, color, places, corners, own, tried, there, side, stride, 80.0, bumps)
-    np.testing.assert_array_equal(state, wanted)
+    np.testing.assert_array_equal(state, expected)
     assert not (state == UNDECIDED).any() and (state == OUTSIDE).sum() == 12

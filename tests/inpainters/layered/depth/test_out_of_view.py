@@ -48,7 +48,7 @@ def turned(shapes: tuple[Shape, ...], yaw: float) -> tuple[View, View, np.ndarra
 
 
 @pytest.mark.parametrize("yaw", [25, -25])
-def test_a_cut_wall_goes_on_under_a_straight_roof_line(yaw: float) -> None:
+def test_a_cut_wall_continues_under_a_straight_roof_line(yaw: float) -> None:
     """Closed form: next to the picture the front is the same plane to 1 % and ends at its own top, the sky is above and the floor
     below: of the pixels that the source did not see at most 4 % have another surface, all of them next to borders."""
     before, filled, depth, shape = turned((FLOOR, FRONT), yaw)
@@ -131,7 +131,7 @@ def test_a_plane_has_ended_where_the_sky_was_seen_through_it() -> None:
     assert (cost[2, [4, 30], 2:8] < 0.6 * CONTINUED_COST).all()
 
 
-def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
+def test_cost_of_a_wall_that_continues_and_of_one_that_has_ended() -> None:
     """Closed form: t cells from a wall seen over 36, below its top, it costs CONTINUED_COST log(1 + t / 36), the sky behind it
     log(1 + 36 / t); at the height of the sky next to it, PAST, and the sky nothing."""
     cells = half_seen_wall(sky_rows=20)
@@ -172,7 +172,7 @@ def test_the_horizon_is_that_of_the_floor() -> None:
     np.testing.assert_array_equal(above_horizon(cells), candidates[0] < 0)
 
 
-def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
+def test_what_ends_within_the_picture_does_not_continue_outside_it() -> None:
     """Closed form: of planes that are not followed the one that the border cuts costs nothing, one that ends before it
     ENDING_COST; what has no plane nothing where it continues, twice a jump of what lies beyond, ENDING_COST at most."""
     hole, label = np.zeros((60, 100), bool), np.full((60, 100), 1, np.int8)
@@ -224,13 +224,13 @@ def inside(x: NDArray[np.float64], y: NDArray[np.float64], round_one: bool) -> N
     return np.asarray((y > 0) & (np.abs(at @ LONG) < 0.8) & (np.abs(at @ SHORT) < 0.4))
 
 
-def test_a_table_goes_on_along_its_own_edges() -> None:
+def test_a_table_continues_along_its_own_edges() -> None:
     """Closed form: K applied to its long and its short side; the floor, beyond which nothing lies, keeps its lines."""
     before, lines = table_on_a_floor()
     assert lines.by_edges.tolist() == [True, False] and not before.by_edges.any()
     for found, direction in ((lines.along[0], LONG), (lines.across[0], SHORT)):
-        wanted = WIDE.K @ direction - [0.5 * direction[2], 0.5 * direction[2], 0]
-        sine = np.linalg.norm(np.cross(found / np.linalg.norm(found), wanted / np.linalg.norm(wanted)))
+        expected = WIDE.K @ direction - [0.5 * direction[2], 0.5 * direction[2], 0]
+        sine = np.linalg.norm(np.cross(found / np.linalg.norm(found), expected / np.linalg.norm(expected)))
         assert sine < 0.02  # a degree
     np.testing.assert_array_equal(lines.along[1], before.along[1])
 

@@ -38,7 +38,7 @@ def floor_and_wall(kind: HoleType, in_front: Box | None = None) -> tuple[CoarseV
     return coarse, World(shapes).trace(camera)[1]
 
 
-def test_a_wall_does_not_go_on_below_the_ground_it_meets() -> None:
+def test_a_wall_does_not_continue_below_the_ground_it_meets() -> None:
     """Closed form: in the hole the wall is out of order where the floor is nearer by IN_FRONT, the floor where the wall is;
     the sky, of which nothing is seen, nowhere; and out of view nobody knows."""
     coarse, number = floor_and_wall(HoleType.OBJECT)
@@ -84,7 +84,7 @@ def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:
     return grid(np.where(hole, 0, 0.25), hole, np.where(hole, -1, 1), planes)
 
 
-def test_sky_that_only_the_source_saw_goes_on_here() -> None:
+def test_sky_that_only_the_source_saw_continues_here() -> None:
     """Closed form: a view without sky may continue it where the source camera saw some, at the cost of the angle to it; the
     source looks 90 degrees to the right with 60 degrees in view, so from the middle of this view it is 60 degrees to its sky."""
     coarse = out_of_view(wall_with_hole())

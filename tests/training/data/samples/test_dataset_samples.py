@@ -1,4 +1,4 @@
-"""Frames with and without a thing, and stereo pairs, from folders: what goes in is what the files show."""
+"""Frames with and without an object, and stereo pairs, from folders: what goes in is what the files show."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
         assert isinstance(example, ViewExample)
         hole = example.view.hole
         if not any(np.array_equal(hole, dilate_mask(truth.mask, radius)) for radius in (1, 2, 3, 4)):
-            continue  # too small a thing: a random mask instead
+            continue  # too small an object: a random mask instead
         shown += 1
         made = view_sample(example, source.network)
         assert np.array_equal(levels(made["target"][:3])[hole], truth.without.color[hole])
@@ -75,7 +75,7 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
         assert np.array_equal(example.truth.depth[~hole], truth.source.depth[~hole])
         assert np.array_equal(made["mask"][0] > 0, hole) and not made["input"][:4, hole].any()
         there = truth.source.depth[truth.mask]
-        assert np.array_equal(example.law.measured[0][1][truth.mask], there)  # what was taken out still limits
+        assert np.array_equal(example.law.measured[0][1][truth.mask], there)  # what was removed still limits
     assert shown > 0.8 * len(third) > 5
 
 
@@ -124,7 +124,7 @@ def removal_of(truth: RemovalTruth, size: int, seed: int) -> ViewExample:
 
 
 @pytest.mark.parametrize("size", [32, 48, 96])
-def test_nothing_of_the_thing_is_left_at_any_scale(size: int) -> None:
+def test_nothing_of_the_object_is_left_at_any_scale(size: int) -> None:
     """Closed form: a grey wall is all there is to see and to learn, however the square is drawn, shrunk or enlarged."""
     for seed in range(12):
         example = removal_of(box_before_a_wall(), size, seed)
@@ -132,8 +132,8 @@ def test_nothing_of_the_thing_is_left_at_any_scale(size: int) -> None:
         assert (example.truth.color == GREY).all() and np.allclose(example.truth.depth, 3)
 
 
-def test_other_light_without_the_thing_is_brought_back() -> None:
-    """Closed form: the frame without the thing at half the exposure; its wall is as bright as that of the frame with it."""
+def test_other_light_without_the_object_is_brought_back() -> None:
+    """Closed form: the frame without the object at half the exposure; its wall is as bright as that of the frame with it."""
     truth = box_before_a_wall(exposure_varies=True)
     dark = replace(truth.without, color=(truth.without.color // 2).astype(np.uint8))
     example = removal_of(replace(truth, without=dark), 48, 0)
@@ -147,14 +147,14 @@ def test_no_hole_where_the_background_is_not_the_same() -> None:
     compare[:, :54] = True  # half of the box
     marked = np.where(
         compare[..., None], truth.without.color, np.uint8([1, 2, 3])
-    )  # other things where it is not compared
+    )  # other objects where it is not compared
     truth = replace(truth, compare=compare, without=replace(truth.without, color=marked))
     for seed in range(8):
         example = removal_of(truth, 48, seed)
         assert not (example.truth.color == (1, 2, 3)).all(-1).any()
 
 
-def test_pairs_without_a_thing_get_one_hole_on_one_surface() -> None:
+def test_pairs_without_an_object_get_one_hole_on_one_surface() -> None:
     """Closed form: a wall whose disparity is 8 px; the right hole is the left one moved, and the truth is the pictures."""
     rng = np.random.default_rng(0)
     wall = rng.integers(0, 255, (80, 100, 3), np.uint8)

@@ -145,7 +145,7 @@ def test_the_limit_is_the_laws(clean: list[ViewExample]) -> None:
     assert far > 50
 
 
-def test_removed_things_leave_true_background() -> None:
+def test_removed_objects_leave_true_background() -> None:
     """Outside the mask the truth is the frame; inside it is nowhere nearer than what was there (up to the law), and over the
     middle of the object of interest it is the frame of the world without that object, but for its shadow's colour."""
     worlds, checked = WorldSet("train", SIZE), 0
@@ -153,11 +153,11 @@ def test_removed_things_leave_true_background() -> None:
         views = worlds.views(index)
         number = index % len(views.cameras)
         group = views.raycast(number).group
-        thing = views.world.object_index
-        where = group == thing
+        item = views.world.object_index
+        where = group == item
         if not where.any():
             continue
-        truth, frame = world_samples.frame_without(views, number, thing, where), views.frame(number)
+        truth, frame = world_samples.frame_without(views, number, item, where), views.frame(number)
         without = views.world.frame(frame.camera, object=False)
         assert np.array_equal(truth.color[~where], frame.color[~where])
         assert np.array_equal(truth.depth[where], without.depth[where])
@@ -222,12 +222,10 @@ def test_same_bytes_in_another_process() -> None:
 
 
 def test_law_of_a_masked_frame_keeps_the_object() -> None:
-    """A removed thing's own depth still limits what is filled; a random mask's does not."""
+    """A removed object's own depth still limits what is filled; a random mask's does not."""
     frame = WorldSet("train", SIZE).views(0).frame(0)
     taken = np.zeros(frame.camera.hw, bool)
     taken[20:30, 20:30] = True
-    thing, none = world_samples.mask_example(frame, taken, frame), world_samples.mask_example(frame, taken)
-    assert (thing.law.measured[0][1][taken] > 0).all() and not none.law.measured[0][1][taken].any()
-    assert np.array_equal(
-        thing.law.measured[0][1][taken], Law.of(Scene((View.from_rgbd(frame),))).measured[0][1][taken]
-    )
+    item, none = world_samples.mask_example(frame, taken, frame), world_samples.mask_example(frame, taken)
+    assert (item.law.measured[0][1][taken] > 0).all() and not none.law.measured[0][1][taken].any()
+    assert np.array_equal(item.law.measured[0][1][taken], Law.of(Scene((View.from_rgbd(frame),))).measured[0][1][taken])
