@@ -35,6 +35,7 @@ def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureF
     assert "found.png: object by rgbd" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_mask_of_a_photo_alone_warns_of_no_metres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Law: a mask does not change with the scale of estimated depth, nor with an assumed lens, so nothing is said of them."""
     folder = small_frame(tmp_path)
@@ -131,6 +132,7 @@ def test_a_class_of_the_semantic_picture(tmp_path: Path, capsys: pytest.CaptureF
     assert "no semantic picture belongs to it" in line
 
 
+@pytest.mark.slow
 def test_a_mask_file_gets_its_shadow(tmp_path: Path) -> None:
     """Oracle: the same object clicked, and its shadow found with it. `--with-shadow` of a mask file did nothing; in a row
     of a list it does the same."""
@@ -153,6 +155,7 @@ def test_a_mask_file_gets_its_shadow(tmp_path: Path) -> None:
     assert (pixels(tmp_path / "many" / "listed" / "mask.png") == masks[1]).all()
 
 
+@pytest.mark.slow
 def test_seconds_have_the_estimate_of_depth_and_the_mask(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

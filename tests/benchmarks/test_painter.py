@@ -35,6 +35,7 @@ def random_planes(count: int) -> np.ndarray:
     return planes
 
 
+@pytest.mark.slow
 def test_the_module_paints_as_the_file_and_a_written_file_as_the_module(tmp_path: Path) -> None:
     """Within a hundredth of a level; unchanged, the same bits as the file it began with; changed, what the module paints."""
     planes = random_planes(4)
@@ -107,6 +108,7 @@ def test_what_is_packed_is_what_is_read_and_holes_lie_where_they_were_stored(tmp
     assert not batch.guides[:, :3, :, : SIDE // 2].any() and batch.guides[:, 5, SIDE // 2 :, SIDE // 2 :].all()
 
 
+@pytest.mark.slow
 def test_a_step_trains_the_generator_on_what_is_drawn(tmp_path: Path) -> None:
     """The same seed gives the same batch; known colours are the truth; weights move, noise does not; a saved run continues."""
     write_packs(tmp_path)

@@ -41,6 +41,7 @@ def filled(world: World) -> Completion:
     return complete(world.rgbd(CAMERA), [orbit(CAMERA, yaw) for yaw in YAWS])
 
 
+@pytest.mark.slow
 @worlds
 def test_no_hole_opens_where_one_of_the_cameras_saw_what_is_there(world: World) -> None:
     """Law: between the cameras that were filled, every surface that the source or one of them sees is drawn: indoors all, and

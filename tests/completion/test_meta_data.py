@@ -55,6 +55,7 @@ def test_it_is_a_dict_to_all_who_read_it() -> None:
     assert more["a"] == 2 and "f" not in meta
 
 
+@pytest.mark.slow
 def test_its_type_names_all_that_a_completion_holds() -> None:
     """Of a view with least confidence, a scene of two frames, a 3-D photo and a pair."""
     folder = dlama.example()

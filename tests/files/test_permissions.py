@@ -58,6 +58,7 @@ print(json.dumps(said))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="rights as POSIX has them")
 def test_what_may_not_be_read_or_written_is_named(tmp_path: Path) -> None:
     """Every call is a FileError or an OutputError that names the path and says why."""

@@ -38,6 +38,7 @@ def run(folder: Path, rows: list[dict[str, object]], **options: object) -> list[
     return list(batch(write_csv(folder / "jobs.csv", rows), folder / "out", **options))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_results_are_those_of_the_verbs(tmp_path: Path) -> None:
     """Oracle: view, remove and depth called one by one, byte for byte; a bad row is one failed row that says where it stands."""
     rows = [

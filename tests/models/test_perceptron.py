@@ -51,6 +51,7 @@ print(hashlib.sha256(confidence_network().outputs(rows, 3.0)).hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_outputs_are_the_same_bits_for_any_number_of_threads() -> None:
     """Law: processes whose BLAS has one thread, or two, agree. A worker of a batch has one, a single command all cores."""
     commands = [os.environ | {"OPENBLAS_NUM_THREADS": count, "MKL_NUM_THREADS": count} for count in "12"]

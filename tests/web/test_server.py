@@ -276,6 +276,7 @@ libc.fclose(stream)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="glibc alone has arenas that can be counted")
 def test_threads_share_two_arenas(tmp_path: Path) -> None:
     """Oracle: glibc's own malloc_info, after twelve threads at once took memory; without the limit it lists one for each."""

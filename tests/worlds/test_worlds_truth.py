@@ -56,6 +56,7 @@ def test_colour_changes_in_the_mask_and_in_the_shadow_alone(kind: str, seed: int
     assert (gone[shadow] >= there[shadow]).all()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_on_every_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rebuilt, on one thread and on three, and in another process; another seed gives another world."""
     first = digest(world(11))

@@ -170,6 +170,7 @@ def with_noise(view: View, sigma: float, seed: int) -> View:
     return dataclasses.replace(view, depth=(1 / (1 / view.depth + noise)).astype(np.float32))
 
 
+@pytest.mark.slow
 def test_noisy_depth_takes_fewer_triangles_and_is_no_worse() -> None:
     """The promises within three standard deviations of noise that was added; the exact depth before it was."""
     exact, sigma = seen(ROOM, 128, 96), 0.001

@@ -84,6 +84,7 @@ def session() -> MaskSession:
     return MaskSession(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}))
 
 
+@pytest.mark.slow
 def test_a_click_finds_the_box_in_estimated_depth(session: MaskSession) -> None:
     """The box as the picture shows it; what it was found in is said."""
     found = session.find(clicks=[CLICK])

@@ -55,6 +55,7 @@ def test_a_click_on_a_band_finds_the_whole_object_that_depth_does_not_show(sessi
     assert "found in estimated depth" in found.notes[0]
 
 
+@pytest.mark.slow
 def test_a_box_finds_the_object_in_it() -> None:
     true = striped_post()[1]
     found = find_mask(without_the_object(), box=box_round(true, 2)).mask

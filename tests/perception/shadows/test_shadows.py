@@ -95,6 +95,7 @@ def test_a_shadow_in_estimated_depth() -> None:
     assert (found & shadow).sum() > 0.75 * found.sum()
 
 
+@pytest.mark.slow
 def test_a_shadow_in_matched_depth() -> None:
     """Oracle: the shadow in exact depth. The noise of matching cut the ground into pieces, and none was found."""
     street = dlama.example()

@@ -101,6 +101,7 @@ def test_columns_near_the_left_border_are_matched() -> None:
     assert (at_right[:, WIDTH - 11 :] == 0).all()
 
 
+@pytest.mark.slow
 def test_exposure_hardly_costs_matches() -> None:
     """Law: a right picture of another exposure matches as the same one of equal exposure does (97 % of it)."""
     left, right = (dlama.read_color(dlama.example() / name) for name in ("street.jpg", "right.jpg"))

@@ -50,6 +50,7 @@ def tiny_run(tmp_path_factory):
     return TrainingResult(run, 40, "all steps done", run / "tiny.onnx")
 
 
+@pytest.mark.slow
 def test_tiny_leaves_everything_a_user_needs(tiny_run):
     """Oracle: the list of a run directory, and the card's words."""
     names = {path.relative_to(tiny_run.run).as_posix() for path in tiny_run.run.rglob("*.*")}
@@ -68,6 +69,7 @@ def test_tiny_leaves_everything_a_user_needs(tiny_run):
     assert "perceptual trunk random" in (tiny_run.run / "log.txt").read_text()
 
 
+@pytest.mark.slow
 def test_tinys_network_fills_a_view_from_the_command_line(tiny_run, tmp_path):
     """`dlama view --filler joint --model run/tiny.onnx`. Oracle: torch with the run's safetensors on the planes of the view
     that was written, its hole emptied again; nothing is left open, and meta.json names the file."""
@@ -91,6 +93,7 @@ def test_tinys_network_fills_a_view_from_the_command_line(tiny_run, tmp_path):
     assert np.abs(expected * 255 - written["image"])[hole].max() <= 1
 
 
+@pytest.mark.slow
 def test_tiny_learns_on_held_out_samples(tiny_run):
     """Oracle: its own learning curve; and every column of the metrics was written."""
     rows = read_metrics(tiny_run.run)
@@ -103,6 +106,7 @@ def test_tiny_learns_on_held_out_samples(tiny_run):
     )
 
 
+@pytest.mark.slow
 def test_the_exported_network_is_the_moving_average(tiny_run):
     """Oracle: torch on the checkpoint's average, against onnxruntime on the exported file."""
     engine = Engine(tiny_run.network, threads=1)
@@ -119,6 +123,7 @@ def test_the_exported_network_is_the_moving_average(tiny_run):
     assert expected.std() > 0.05
 
 
+@pytest.mark.slow
 def test_the_checkpoint_is_a_lama_checkpoint(tiny_run):
     """Oracle: the reader of anybody's checkpoints finds the generator in it; fine-tuning can start from it."""
     weights = read_generator(tiny_run.run / LAST)

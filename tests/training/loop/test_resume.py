@@ -58,6 +58,7 @@ def assert_same(a, b):
         assert same, name
 
 
+@pytest.mark.slow
 def test_resumed_is_bit_exact(tmp_path, monkeypatch):
     """Oracle: the run that was never stopped: networks, average, optimisers, random numbers and position.
 

@@ -157,6 +157,7 @@ def test_filling_from_all_sides_is_a_run_of_its_own(visit: Visit, frame: Path) -
     assert results.scene(visit, {}).data[:4] == b"glTF"
 
 
+@pytest.mark.slow
 def test_nothing_of_earlier_results_is_kept(visits: Visits, frame: Path) -> None:
     """Oracle: weak references to the results of earlier runs, and of a visit that ended."""
     visit = visits.begin()
