@@ -11,7 +11,7 @@ demo = dlama.example()
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/04_many_views_one_scene")
 
 rgbd = dlama.read_rgbd(demo / "street.jpg", demo / "depth.png", fov=90)
-cameras = [dlama.orbit(rgbd.camera, yaw) for yaw in (-10, 10, 20)]
+cameras = [dlama.orbit(rgbd, yaw) for yaw in (-10, 10, 20)]
 done = dlama.complete(rgbd, cameras)
 
 for camera, view in zip(cameras, done.views):

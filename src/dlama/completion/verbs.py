@@ -12,9 +12,9 @@ from dlama.completion.options import OptionKeywords, Unpack, take_options
 from dlama.completion.pipeline import complete
 from dlama.errors import InputError, InputTypeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.motion.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.motion.trajectories import dolly as dollied
-from dlama.geometry.rgbd import RGBD, BoolArray, is_valid
+from dlama.geometry.motion.trajectories import orbit
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.progress import Progress
 
@@ -38,9 +38,7 @@ def target_camera(
             raise InputError("a target camera and an orbit or dolly were both given; one of them is expected")
         return camera
     source = rgbd.middle_frame.load() if isinstance(rgbd, Scene) else rgbd
-    if pivot == "auto":  # the median depth; where nothing is near any will do, as sky looks the same about all
-        pivot = median_pivot(source.depth) if is_valid(source.depth).any() else PIVOT_M
-    return dollied(orbit(source.camera, yaw, pitch, pivot), dolly)
+    return dollied(orbit(source, yaw, pitch, pivot), dolly)
 
 
 @take_options

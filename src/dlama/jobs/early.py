@@ -16,7 +16,7 @@ from dlama.files.rasters.depth import check_depth_options
 from dlama.files.rasters.images import picture_hw
 from dlama.files.results.completion import check_results
 from dlama.geometry.camera import Camera
-from dlama.geometry.motion.trajectories import PIVOT_M, dolly, orbit
+from dlama.geometry.motion.trajectories import dolly, orbit
 from dlama.inpainters import AUTO, model_file
 from dlama.jobs.parameters import METHOD, MOVE, POINTING, mask_settings
 from dlama.perception.depth_scale import check_known
@@ -62,7 +62,7 @@ def _check_move(given: Mapping[str, Any]) -> None:
     """An orbit and a dolly that no camera can make."""
     pivot = given.get("pivot", "auto")
     yaw, pitch, ahead = (given.get(name, 0.0) for name in ("yaw", "pitch", "dolly"))
-    dolly(orbit(Camera.from_fov(2, 2, 60), yaw, pitch, PIVOT_M if pivot == "auto" else pivot), ahead)
+    dolly(orbit(Camera.from_fov(2, 2, 60), yaw, pitch, pivot), ahead)
 
 
 def _check_pointing(given: Mapping[str, Any], image: Path | None) -> None:

@@ -15,6 +15,8 @@ from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.motion.trajectories import dolly, median_pivot, orbit
 from dlama.geometry.projection import project
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
 
 ANYWHERE = Camera.from_fov(64, 48, 70, [[0, 0, 1, 3], [1, 0, 0, -2], [0, 1, 0, 5], [0, 0, 0, 1]])
 
@@ -94,6 +96,20 @@ def test_median_pivot_without_valid_depth_is_refused(depth: np.ndarray) -> None:
     """Oracle: the error of the tree."""
     with pytest.raises(DepthError, match="no valid value"):
         median_pivot(depth)
+
+
+def test_a_picture_turns_about_its_median_depth() -> None:
+    """Closed form; of a view as of its picture; about 2.5 m where nothing is near, and where there is a camera alone."""
+    camera = Camera.from_fov(8, 6, 60)
+    depth = np.full(camera.hw, 4, np.float32)
+    depth[0], depth[1, :3] = np.inf, 0
+    color = np.zeros((*camera.hw, 3), np.uint8)
+    picture, sky = (RGBD(color, each, camera) for each in (depth, np.full_like(depth, np.inf)))
+    for source, pivot in ((picture, 4.0), (View.from_rgbd(picture), 4.0), (sky, 2.5), (camera, 2.5)):
+        np.testing.assert_array_equal(orbit(source, 20, 5).world_from_cam, orbit(camera, 20, 5, pivot).world_from_cam)
+    np.testing.assert_array_equal(
+        orbit(picture, 20, pivot=1.5).world_from_cam, orbit(camera, 20, pivot=1.5).world_from_cam
+    )
 
 
 def test_wishes_that_are_no_numbers_are_refused() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,21 +13,27 @@ from dlama.arguments import check_arguments, is_finite
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.motion.poses import FARTHEST_M, make_pose, slerp
+from dlama.geometry.rgbd import RGBD, is_valid
+from dlama.geometry.view import View
 
 PIVOT_M = 2.5
-"""Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
+"""Metres ahead on the optical axis, of the point that a camera orbits about where no depth is known (the paper's centroid,
+sec. 4)."""
 MOST_DEGREES = 360
 """Larger angles are mistakes: 700 would mean -20."""
 
 
-def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M) -> Camera:
-    """The camera turned, by degrees, about the point `pivot` metres ahead on its optical axis; it keeps looking at that point.
+def orbit(
+    camera: Camera | RGBD | View, yaw: float, pitch: float = 0.0, pivot: float | Literal["auto"] = "auto"
+) -> Camera:
+    """The camera, or that of a picture, turned by degrees about the point `pivot` metres ahead on its optical axis, at which it
+    keeps looking. auto: at the picture's median depth, as the verbs have it; a camera alone has none: 2.5 m.
 
     Positive yaw: the camera moves to its right around the pivot and turns left. Positive pitch: it moves up and looks
     down. The yaw goes first, about the source camera's y axis; then the pitch, about the x axis of the camera that the
     yaw has turned (both axes shifted into the pivot). Seen from a fixed camera the scene turns the other way:
     p' = C + R_x(pitch) R_y(yaw) (p - C) with C = (0, 0, pivot).
-    With pivot = 0 the camera turns in place. The verbs turn it about the median depth instead.
+    With pivot = 0 the camera turns in place.
     Raises InputError on angles of more than 360 degrees or pivot < 0.
 
     Examples:
@@ -41,12 +48,22 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
             raise InputError(
                 f"`{name}` is {value!r}; an angle of -{MOST_DEGREES} to {MOST_DEGREES} degrees is expected"
             )
-    if not is_finite(pivot) or not 0 <= pivot <= FARTHEST_M:
+    source = camera if isinstance(camera, Camera) else camera.camera
+    metres = auto_pivot(camera) if pivot == "auto" else pivot
+    if not is_finite(metres) or not 0 <= metres <= FARTHEST_M:
         raise InputError(f"`pivot` is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is expected")
-    center = np.array([0.0, 0.0, pivot])
+    center = np.array([0.0, 0.0, metres])
     turned_from_source = _rotation_x(pitch) @ _rotation_y(yaw)
     source_from_turned = make_pose(turned_from_source.T, center - turned_from_source.T @ center)
-    return camera.at(camera.world_from_cam @ source_from_turned)
+    return source.at(source.world_from_cam @ source_from_turned)
+
+
+def auto_pivot(picture: Camera | RGBD | View) -> float:
+    """Metres to the median depth of a picture; PIVOT_M of one that shows nothing near, as sky looks the same about all, and of a
+    camera alone."""
+    if isinstance(picture, Camera) or not is_valid(picture.depth).any():
+        return PIVOT_M
+    return median_pivot(picture.depth)
 
 
 def dolly(camera: Camera, metres: float) -> Camera:
