@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -32,6 +33,22 @@ def test_all_forms_say_the_same(tmp_path: Path) -> None:
     lines = ["\ufeffid,verb,image,yaw,fov,_note", "a,view,x.png,3,,hi", "", "b/c, view ,/whole/y.png,-4.5,,"]
     (tmp_path / "jobs.csv").write_text("\n".join(lines), encoding="utf-8")
     assert jobs_of(tmp_path / "jobs.jsonl") == jobs_of(tmp_path / "jobs.csv") == expected
+
+
+@pytest.mark.parametrize(
+    ("own", "left"),
+    [
+        ({"yaw": 3, "camera": "/k.json"}, {"pitch": 2.0}),
+        ({"yaw": 3, "fx": 90}, {"pitch": 2.0}),
+        ({"to": "/to.json"}, {"fov": 60.0}),
+        ({"yaw": 3, "cx": 9}, {"fov": 60.0, "pitch": 2.0}),
+    ],
+)
+def test_the_value_in_a_row_wins_also_where_it_has_another_name(own: dict[str, Any], left: dict[str, Any]) -> None:
+    """Defaults that say the same in another way do not count (oracle: by hand)."""
+    row = {"id": "a", "verb": "view", "image": "/x.png"}
+    (job,) = JobList([row | own], None, {"fov": 60, "pitch": 2})
+    assert job.error is None and dict(job.parameters) == {"image": "/x.png", **own, **left}
 
 
 def test_parquet(tmp_path: Path) -> None:

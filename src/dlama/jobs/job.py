@@ -12,7 +12,7 @@ from typing import Any
 
 from dlama import __version__
 from dlama.errors import InputError, first_line
-from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS, check_parameters
+from dlama.jobs.parameters import EXCLUDED, FILES, KNOWN, NETWORKS, VERBS, check_parameters
 from dlama.models.verify import sha256_while_unchanged
 
 RESERVED = ("manifest", "manifest.csv", "report.html", "shards", "staged")
@@ -68,7 +68,7 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
     try:
         if not called:
             raise InputError(f"`verb` is missing; one of {', '.join(VERBS)} is expected, in the list or as `verb=NAME`")
-        own = dict.fromkeys(VERBS.get(called, ()))
+        own = set(VERBS.get(called, ())).difference(*(EXCLUDED.get(key, ()) for key in given))
         values = check_parameters(called, {key: value for key, value in defaults.items() if key in own} | given)
     except InputError as error:
         return Job(name, called, where=where, error=f"{where}: {first_line(error)}")

@@ -182,6 +182,12 @@ FILES = ("image", "depth", "mask", "camera", "to", "left", "right", "calib", "ma
 """Parameters that name input files."""
 NETWORKS = ("model", "depth_model", "matcher")
 """Parameters that name a network file, or a network by its name."""
+EXCLUDED: dict[str, tuple[str, ...]] = {
+    "camera": ("fov", "fx", "fy", "cx", "cy", "pixel_center"), "fov": ("camera", "fx", "fy"), "fx": ("camera", "fov"),
+    "fy": ("camera",), "cx": ("camera",), "cy": ("camera",), "pixel_center": ("camera",),
+    "to": ("yaw", "pitch", "pivot", "dolly"), "yaw": ("to",), "pitch": ("to",), "dolly": ("to",),
+}  # fmt: skip
+"""Parameter -> the others that say the same in another way: where a row has the one, defaults of the others do not count."""
 KNOWN = tuple(dict.fromkeys(name for names in VERBS.values() for name in names))
 """Every parameter of every verb."""
 
