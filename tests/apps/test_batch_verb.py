@@ -69,12 +69,13 @@ def test_an_address_is_no_folder_here(jobs: str, capsys: pytest.CaptureFixture[s
 
 
 def test_an_option_may_be_an_address(jobs: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A camera on a web server, with both slashes; a file of this computer stays one (oracle: what is typed)."""
+    """A camera on a web server, with both slashes; a file of this computer stays one, file:// or not (oracle: what is typed)."""
     taken: list[dict[str, Any]] = []
     monkeypatch.setattr(dlama, "batch", lambda *_, **given: taken.append(given) or ())
-    for camera in ("https://host/a/camera.json", "a/camera.json"):
+    for camera in ("https://host/a/camera.json", "a/camera.json", "file:///a/camera.json"):
         main(["batch", jobs, "-o", "out", "--camera", camera, "--quiet"])
-    assert [str(given["camera"]) for given in taken] == ["https://host/a/camera.json", str(Path("a/camera.json"))]
+    expected = ["https://host/a/camera.json", str(Path("a/camera.json")), str(Path("/a/camera.json"))]
+    assert [str(given["camera"]) for given in taken] == expected
 
 
 def test_a_dry_run_runs_nothing(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:

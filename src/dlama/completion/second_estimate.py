@@ -19,7 +19,7 @@ from dlama.completion.start import Plan
 from dlama.errors import DepthError
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.frames.stored import Layer
-from dlama.geometry.holes import box_around, dilate_mask, distance_to, smaller_size
+from dlama.geometry.holes import Box, box_around, distance_to, smaller_size
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.scene import Scene, replace_frame
@@ -66,7 +66,7 @@ def estimate_again(plan: Plan, scene: Scene, place: int, view: View) -> tuple[Pl
     if plan.recipe.depth_by != "surfaces" or Origin.ESTIMATED not in frame.origins or not removed.any():
         return plan, scene, FillReport()
     begin_stage("estimate depth again")
-    again = estimate_inverse_depth(view.color, dilate_mask(removed, math.ceil(reach_of(removed))))
+    again = estimate_inverse_depth(view.color, box_in_reach(removed))
     make_room(removed.size)
     fit = fit_round_object(frame, removed, again)
     if not fit.notes["taken"]:
@@ -81,7 +81,7 @@ def take_estimate(
     """The plan and the scene with a second estimate (H x W inverse depth) taken in its frame at that place, in what was removed
     from it (H x W) and in its fills; and how many pixels the law moved. view: the frame, filled."""
     frame, measured = scene.frames[place].load(), plan.measured.frames[place]
-    rows, columns = box = box_around(removed, math.ceil(reach_of(removed)))
+    rows, columns = box = box_in_reach(removed)
     part = view.cropped(rows, columns)
     depth, changed = mix_depth(frame.cropped(rows, columns), part, again[box], fit, reach_of(removed))
 
@@ -102,7 +102,7 @@ def take_estimate(
     return plan, dataclasses.replace(replace_frame(scene, place, own), removals=removals, fills=fills), int(moved.sum())
 
 
-def with_depth(one: View, depth: Float32Array, where: BoolArray, box: tuple[slice, slice]) -> View:
+def with_depth(one: View, depth: Float32Array, where: BoolArray, box: Box) -> View:
     """A layer with another depth in the known pixels of `where`; both are parts of it, in a box of rows and columns."""
     new = np.zeros(one.depth.shape, np.float32)  # of a fill the system gives no memory beyond its pixels
     paste(one.depth, ~one.hole, new)
@@ -115,9 +115,16 @@ def reach_of(removed: BoolArray) -> float:
     return REACH_PX * max(removed.shape) / SIDE
 
 
-def estimate_inverse_depth(color: UInt8Array, where: BoolArray) -> Float32Array:
+def box_in_reach(removed: BoolArray) -> Box:
+    """Rows and columns of the box in which the second estimate counts."""
+    return box_around(removed, math.ceil(reach_of(removed)))
+
+
+def estimate_inverse_depth(color: UInt8Array, box: Box) -> Float32Array:
     """H x W inverse depth of a picture (H x W x 3) by the network that ships, of a scale and shift of its own, with sharp edges
-    in the pixels of `where` (H x W); 0 where that is far, everywhere if it sees nothing else."""
+    in a box of rows and columns; 0 where that is far, everywhere if it sees nothing else."""
+    where = np.zeros(color.shape[:2], np.bool_)
+    where[box] = True
     size = smaller_size(color.shape, LARGEST)[::-1]
     small = shrink_color(color, size)
     try:

@@ -18,7 +18,7 @@ from dlama.arguments import as_array, check, check_arguments, check_count, funct
 from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.codes import Origin
 from dlama.geometry.fusion import paste_part
-from dlama.geometry.holes import box_around, larger_box, sides_of
+from dlama.geometry.holes import Box, box_around, larger_box, sides_of
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.geometry.view import View
@@ -166,7 +166,7 @@ def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 
     return paste_part(view, part, rows, columns), report
 
 
-def part_worth_cropping(hole: BoolArray) -> tuple[slice, slice] | None:
+def part_worth_cropping(hole: BoolArray) -> Box | None:
     """Rows and columns of the box round a hole (H x W, not empty) that a filler sees; None: of all, which is not much more."""
     tight = box_around(hole, 0)
     margin = max(CONTEXT_PX, round(CONTEXT * max(sides_of(tight))), round(CONTEXT_SHARE * max(hole.shape)))

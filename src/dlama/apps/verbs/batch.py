@@ -141,9 +141,12 @@ def batch(
 
 
 def as_typed(value: Any) -> Any:
-    """An option's value; of an address that became a path, which takes a slash from it (http:/host/K.json), the address."""
+    """An option's value; of an address that became a path, which takes slashes from it (http:/host/K.json), the address."""
     address = re.match(r"([a-z][a-z0-9+.-]+):/", str(value)) if isinstance(value, Path) else None
-    return f"{address[1]}://{str(value)[address.end() :]}" if address else value
+    if address is None:
+        return value
+    inside = str(value)[address.end() :]
+    return Path("/", inside) if address[1] == "file" else f"{address[1]}://{inside}"
 
 
 def write_page(words: Sequence[str], report: Report) -> None:

@@ -43,10 +43,11 @@ STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
 """A known pixel nearer than this share of the depth filled next to it is an occluder."""
-Painted = tuple[UInt8Array, dict[str, Any]]
-"""H x W x 3 colours, and notes of what ran, for meta.json."""
 BEHIND = 0.95
 """A known pixel farther than this many times the depth of the removed object next to it lies next to it or behind it."""
+
+Painted = tuple[UInt8Array, dict[str, Any]]
+"""H x W x 3 colours, and notes of what ran, for meta.json."""
 
 
 def paint_over_depth(inpainter: Inpainter) -> Inpainter:
@@ -70,8 +71,8 @@ def paint_over_depth(inpainter: Inpainter) -> Inpainter:
 
 def paint_behind(
     view: View, surfaces: Surfaces, depth: Float32Array, context: FillContext, seed: int, painter: Painter
-) -> tuple[UInt8Array, dict[str, Any]]:
-    """H x W x 3 colours of a view whose depth (H x W metres) is filled, by a painter that sees no occluders; and notes."""
+) -> Painted:
+    """The colours of a view whose depth (H x W metres) is filled, by a painter that sees no occluders."""
     hidden, notes = hide_from_painter(view, surfaces, depth, context.law)
     leaves = find_leaves(view, surfaces)
     guess = begin_job(smooth_guess, view)
@@ -88,9 +89,10 @@ def paint_in_part(
 
     Depth may be missing all over it, as in a depth camera's: painting is proportional to the hole all the same.
     """
-    if not view.color_hole.any():
+    hole = view.color_hole
+    if not hole.any():
         return view.color, {}
-    box = None if surfaces.leaves.size else part_worth_cropping(view.color_hole)
+    box = None if surfaces.leaves.size else part_worth_cropping(hole)
     if box is None:
         return paint(view, surfaces, depth, context)
     rows, columns = box

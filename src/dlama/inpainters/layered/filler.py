@@ -30,7 +30,7 @@ from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
 from dlama.inpainters.layered.color.surface_colors import paint_surfaces
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
-from dlama.inpainters.layered.depth_first import hide_from_painter, paint_in_part
+from dlama.inpainters.layered.depth_first import Painted, hide_from_painter, paint_in_part
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.patchmatch.filler import GUESS_SIDE, blend_with_guess, guess_coarsely
@@ -68,8 +68,8 @@ def fill_over_surfaces(view: View, context: FillContext, seed: int, network: Pai
 
 def paint_over_surfaces(
     view: View, surfaces: Surfaces, depth: Float32Array, context: FillContext, seed: int, network: Painter | None
-) -> tuple[UInt8Array, dict[str, Any]]:
-    """H x W x 3 colours of a view whose depth (H x W metres) is filled, and notes of what ran; network as above."""
+) -> Painted:
+    """The colours of a view whose depth (H x W metres) is filled; network as above."""
     view = close_narrow_holes(view)
     smooth = begin_job(smooth_guess, view)
     notes: dict[str, Any] = {}
