@@ -278,7 +278,6 @@ TRAIN = {
     "max_minutes": Reach("--max-minutes 2", "train.max_minutes", 2.0),
     "resume": Reach("--resume", "train.resume", True),
     "start": Reach("--start a.ckpt", "train.settings", attribute("network.start", "a.ckpt")),
-    "trunk": Reach("--trunk t.pth", "train.settings", attribute("loss.trunk_weights", "t.pth")),
     "mixture": Reach(
         "--mixture world=1 removal=2", "train.settings", attribute("data.mixture", {"world": 1.0, "removal": 2.0})
     ),

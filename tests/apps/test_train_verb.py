@@ -12,30 +12,30 @@ from dlama.training.presets import to_json
 
 
 def test_a_resumed_run_knows_what_it_was_started_from(tmp_path: Path) -> None:
-    """Begun with --start and --trunk, it is resumed without them; other weights are refused as another run."""
-    begun = choose_settings("tiny", Path("a.ckpt"), Path("trunk.pth"), steps=3)
+    """Begun with --start, it is resumed without it; other weights are refused as another run."""
+    begun = choose_settings("tiny", Path("a.ckpt"), steps=3)
     (tmp_path / SETTINGS).write_text(to_json(begun))
-    assert choose_settings("tiny", None, None, tmp_path, steps=3) == begun
-    prepare(tmp_path, choose_settings("tiny", None, None, tmp_path), resume=True)
+    assert choose_settings("tiny", None, tmp_path, steps=3) == begun
+    prepare(tmp_path, choose_settings("tiny", None, tmp_path), resume=True)
     with pytest.raises(InputError, match=r"network\.start is 'b\.ckpt', the run to resume has 'a\.ckpt'"):
-        prepare(tmp_path, choose_settings("tiny", Path("b.ckpt"), None, tmp_path), resume=True)
+        prepare(tmp_path, choose_settings("tiny", Path("b.ckpt"), tmp_path), resume=True)
 
 
 def test_a_new_run_takes_nothing_from_the_directory(tmp_path: Path) -> None:
-    (tmp_path / SETTINGS).write_text(to_json(choose_settings("tiny", Path("a.ckpt"), None)))
-    assert choose_settings("tiny", None, None).network.start is None
-    assert choose_settings("tiny", None, None, tmp_path / "none").network.start is None
+    (tmp_path / SETTINGS).write_text(to_json(choose_settings("tiny", Path("a.ckpt"))))
+    assert choose_settings("tiny", None).network.start is None
+    assert choose_settings("tiny", None, tmp_path / "none").network.start is None
 
 
 def test_a_resumed_preset_keeps_what_the_command_line_said(tmp_path: Path) -> None:
     """--steps, --batch and --mixture hold for a run, not for one command; what is said again wins, another preset is refused."""
-    begun = choose_settings("tiny", None, None, mixture=("world=1", "removal=3"), steps=7, batch=2)
+    begun = choose_settings("tiny", None, mixture=("world=1", "removal=3"), steps=7, batch=2)
     assert begun.data.mixture == {"world": 1.0, "removal": 3.0}
     (tmp_path / SETTINGS).write_text(to_json(begun))
-    assert choose_settings("tiny", None, None, tmp_path) == begun
-    assert choose_settings("tiny", None, None, tmp_path, steps=9).loop.steps == 9
+    assert choose_settings("tiny", None, tmp_path) == begun
+    assert choose_settings("tiny", None, tmp_path, steps=9).loop.steps == 9
     with pytest.raises(InputError, match="the run to resume has"):
-        prepare(tmp_path, choose_settings("mini-rgbd", None, None, tmp_path), resume=True)
+        prepare(tmp_path, choose_settings("mini-rgbd", None, tmp_path), resume=True)
 
 
 @pytest.mark.parametrize(
@@ -50,4 +50,4 @@ def test_a_resumed_preset_keeps_what_the_command_line_said(tmp_path: Path) -> No
 )
 def test_mixtures_that_are_none(word: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        choose_settings("tiny", None, None, mixture=(word,))
+        choose_settings("tiny", None, mixture=(word,))

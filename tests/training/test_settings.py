@@ -62,7 +62,6 @@ def test_what_a_file_leaves_out_keeps_its_default():
         lambda: LossSettings(adversarial=-1),
         lambda: LossSettings(perceptual=float("nan")),
         lambda: LossSettings(trunk="resnet50-dilated"),
-        lambda: LossSettings(trunk="random", trunk_weights="x.pth"),
         lambda: LoopSettings(batch=0),
         lambda: LoopSettings(precision="fp16"),
         lambda: DataSettings(mixture={}),

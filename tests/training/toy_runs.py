@@ -33,7 +33,7 @@ def toy(planes: str = "rgbd", size: int = 32, **loop: object) -> TrainSettings:
     return TrainSettings(
         "toy",
         network=network,
-        loss=LossSettings(trunk="random", trunk_width=4),
+        loss=LossSettings(trunk_width=4),
         optimiser=OptimiserSettings(average=0.9),
         data=DataSettings(size=size, mixture={kind_for(network): 1.0}, held_out=2, workers=0),
         loop=replace(quiet, **loop),

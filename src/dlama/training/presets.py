@@ -49,7 +49,7 @@ def _tiny() -> TrainSettings:
     return TrainSettings(
         "tiny",
         network=network,
-        loss=LossSettings(trunk="random", trunk_width=8),
+        loss=LossSettings(trunk_width=8),
         optimiser=OptimiserSettings(average=0.9),
         data=DataSettings(size=64, held_out=4, workers=0),
         loop=replace(intervals, steps=40, batch=4, accelerator="cpu"),

@@ -15,7 +15,7 @@ from dlama.errors import InputError
 from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings, generator_shapes
 from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
-TRUNKS = ("auto", "resnet50-dilated", "random", "lpips")
+TRUNKS = ("random", "lpips")
 """Names of the perceptual term's frozen network."""
 
 
@@ -96,11 +96,9 @@ class LossSettings:
     """1 - cosine between normals: planes are flat in inverse depth too."""
     depth_law: float = 30.0
     """By how much filled depth is nearer than the visibility law allows."""
-    trunk: str = "auto"
-    """Network of the perceptual term: resnet50-dilated, random (frozen random weights, no file); lpips (the distance of the
-    evaluation, from the file that ships, in place of equation 5); auto: resnet50-dilated with `trunk_weights`, else random."""
-    trunk_weights: str | None = None
-    """Its weight file: .safetensors or .pth."""
+    trunk: str = "random"
+    """Network of the perceptual term: random (frozen random weights), or lpips (the distance of the evaluation, from the file
+    that ships, in place of equation 5)."""
     trunk_width: int = 32
     """First layer's channels of the random trunk."""
 
@@ -109,12 +107,6 @@ class LossSettings:
         numbers = [each.name for each in fields(self) if isinstance(getattr(self, each.name), (int, float))]
         _check("loss", self, "0 or more", lambda value: 0 <= value < math.inf, *numbers)
         _check("loss", self, "1 or more", lambda value: value >= 1, "penalty_every", "trunk_width")
-        if self.trunk in ("random", "lpips") and self.trunk_weights:
-            raise InputError(
-                f"loss.trunk is {self.trunk!r}, which takes no weights, but loss.trunk_weights names a file"
-            )
-        if self.trunk not in ("auto", "random", "lpips") and not self.trunk_weights:
-            raise InputError(f"loss.trunk is {self.trunk!r}; loss.trunk_weights must name its weight file")
 
     @property
     def uses_discriminator(self) -> bool:

@@ -81,7 +81,7 @@ class TrainingModule(pl.LightningModule):
         self.guard.keep(self)
 
     def train(self, mode: bool = True) -> TrainingModule:
-        """The average stays in eval mode, as the trunk does."""
+        """The average stays in eval mode."""
         super().train(mode)
         self.average.eval()
         return self

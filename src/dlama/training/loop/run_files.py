@@ -35,7 +35,6 @@ MAY_CHANGE = {
 def choose_settings(
     name: str,
     start: Path | None,
-    trunk: Path | None,
     run: Path | None = None,
     mixture: Sequence[str] = (),
     **loop: Any,
@@ -43,7 +42,7 @@ def choose_settings(
     """A file's or a preset's settings with what the command line gives put in; InputError.
 
     mixture: words KIND=SHARE. run: directory of a run to resume: one that began with the same preset keeps what the
-    command line gave then, one of a settings file the weights that neither the command line nor the file names.
+    command line gave then, one of a settings file the weights to start from, where neither names others.
     """
     found = settings_of(name)
     if run is not None and (run / SETTINGS).is_file():
@@ -52,13 +51,8 @@ def choose_settings(
             found = begun
         if found.network.start is None:
             found = replace(found, network=replace(found.network, start=begun.network.start))
-        if found.loss.trunk_weights is None and begun.loss.trunk_weights is not None:
-            weights = begun.loss.trunk_weights
-            found = replace(found, loss=replace(found.loss, trunk=begun.loss.trunk, trunk_weights=weights))
     if start is not None:
         found = replace(found, network=replace(found.network, start=str(start)))
-    if trunk is not None:
-        found = replace(found, loss=replace(found.loss, trunk="auto", trunk_weights=str(trunk)))
     if mixture:
         found = replace(found, data=replace(found.data, mixture=_shares(mixture)))
     changes = {key: value for key, value in loop.items() if value is not None}

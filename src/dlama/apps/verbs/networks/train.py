@@ -21,17 +21,14 @@ LIST = "presets"
 NEEDED = {"torch": "torch", "pytorch-lightning": "pytorch_lightning", "onnx": "onnx"}
 
 Number = Annotated[int | None, option("N", "the settings'")]
-Weights = Annotated[Path | None, option("FILE", "the settings'")]
 
 
 @dataclass(frozen=True)
 class Replaced:
     """Values in place of those of the settings."""
 
-    start: Weights = None
+    start: Annotated[Path | None, option("FILE", "the settings'")] = None
     """A LaMa checkpoint to start from; planes it lacks are added."""
-    trunk: Weights = None
-    """Weights of the perceptual trunk, the dilated ResNet-50 of ADE20K (.safetensors, .pth)."""
     mixture: Annotated[tuple[str, ...], option("KIND=SHARE ...", "the settings'")] = ()
     """Kinds of samples and their shares: world, frame (posed pairs of --data), removal, stereo."""
     steps: Number = None
@@ -74,8 +71,9 @@ def train(
         raise InputError("no directory of the run is given: give -o DIR")
     if max_minutes is not None and not max_minutes > 0:
         raise InputError(f"`max_minutes` is {max_minutes}; more than 0 is expected")
-    weights = {"start": replaced.start, "trunk": replaced.trunk}
-    check_folder_apart(output, {f"data {path}": path for path in data} | {"settings": settings, **weights})
+    check_folder_apart(
+        output, {f"data {path}": path for path in data} | {"settings": settings, "start": replaced.start}
+    )
     chosen = choose_settings(settings, run=output if resume else None, **vars(replaced))
     require_extra("training a network", "train", NEEDED)
     from dlama.training.loop import train as loop
