@@ -21,8 +21,6 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 Protocol = Literal["vpi", "ori", "sii"]
 """View change, object removal, stereo: the three experiments of the paper."""
-Gamma = Literal["srgb", "linear"]
-"""How 8-bit depth is encoded: as sRGB (IEC 61966-2-1), which is undone, or linearly."""
 
 
 @dataclass(frozen=True)

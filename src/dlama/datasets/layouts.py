@@ -13,7 +13,7 @@ from dlama.arguments import check_count
 from dlama.completion.options import Unpack
 from dlama.datasets.captures import arkitscenes, azure_kinect, polycam, record3d, rosbag, scannetpp, stray_scanner
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
-from dlama.datasets.frames import Dataset, Gamma, Protocol
+from dlama.datasets.frames import Dataset, Protocol
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
 from dlama.datasets.posed import colmap, nerfstudio, replica, scannet, trajectory_log, tum
 from dlama.datasets.posed.lenses import CameraOption
@@ -93,7 +93,7 @@ LAYOUTS: dict[str, Layout] = {
         "CameraPoses.csv or CameraRig.json, and ColorImage",
         looks_like_easysynth,
         easysynth,
-        frozenset({"depth_range", "gamma", "removal_object"}),
+        frozenset({"depth_range", "removal_object"}),
     ),
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json),
     "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder),
@@ -138,8 +138,6 @@ class DatasetOptions(TypedDict, total=False):
     """Metres beyond which depth of posed frames is missing, in place of the layout's."""
     resize_depth: Literal["guided", "nearest"] | None
     """Of posed frames: depth is enlarged to the picture's size, as of `read_rgbd`, in place of a picture that is shrunk."""
-    gamma: Gamma | None
-    """How 8-bit depth is encoded (easysynth)."""
     removal_object: str | None
     """A semantic class (easysynth)."""
     camera: CameraOption

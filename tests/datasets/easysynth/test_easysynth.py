@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, orbit_yaw
 from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
@@ -17,7 +16,7 @@ from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.posed_frames import PosedFrame
-from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
+from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.geometry.motion.poses import quaternion_from_rotation, rotation_from_quaternion
 from dlama.geometry.motion.trajectories import dolly, orbit
 from rendered_walls import CAMERA, CLASSES, edit_json, frame
@@ -167,22 +166,15 @@ def test_normalised_depth_needs_its_range(sequence: Path) -> None:
     assert np.array_equal(depth, frame.load().depth) and camera.same_view_as(frame.load().camera)
 
 
-def test_png_depth_must_say_its_encoding(sequence: Path) -> None:
-    """Closed form: level 188 is 0.5029 of linear light (IEC 61966-2-1), 188 / 255 as it stands; 255 is far, 0 missing."""
+@pytest.mark.parametrize("suffix", [".png", ".jpeg"])
+def test_depth_of_8_bits_is_refused(suffix: str, sequence: Path) -> None:
+    """Guard: 256 steps, in an encoding that no file states, are no depth."""
     place = sequence / "CameraComponent"
     shutil.rmtree(place / "DepthMM")
     for path in (place / "DepthImage").iterdir():
-        levels = np.full(CAMERA.hw, 188, np.uint8)
-        levels[0, 0], levels[0, 1] = 255, 0
-        Image.fromarray(np.repeat(levels[..., None], 3, axis=2)).save(path.with_suffix(".png"))
-        path.unlink()
-    with pytest.raises(DepthError, match=r"gamma-encoded.*gamma=srgb .*gamma=linear"):
+        path.rename(path.with_suffix(suffix))
+    with pytest.raises(DepthError, match=rf"{suffix}: depth as PNG has 256 steps.*render DepthImage as EXR"):
         easysynth(sequence, depth_range=10)
-    with pytest.raises(InputError, match=r"gamma is True; 'srgb' or 'linear' is expected"):
-        easysynth(sequence, depth_range=10, gamma=True)  # type: ignore[arg-type]
-    for gamma, share in (("srgb", 0.502886), ("linear", 188 / 255)):
-        depth = open_dataset(sequence, depth_range=10, gamma=gamma).frames[0].load().depth
-        assert depth[5, 5] == pytest.approx(10 * share, abs=1e-4) and depth[0, 0] == np.inf and depth[0, 1] == 0
 
 
 # Layouts

@@ -20,7 +20,7 @@ from dlama.datasets.easysynth.frames import (
     read_sequence,
     sequence_folders,
 )
-from dlama.datasets.frames import Case, Dataset, Gamma, Protocol, Truth
+from dlama.datasets.frames import Case, Dataset, Protocol, Truth
 from dlama.datasets.posed.posed_frames import PosedFrame, posed_frame
 from dlama.datasets.text_tables import check_folder
 from dlama.errors import CameraError, FileError
@@ -38,9 +38,7 @@ SAME_ORIENTATION_DEG = 0.01
 _Case = tuple[Protocol, str, Callable[[], Truth], "float | None"]
 
 
-def easysynth(
-    root: Path, *, depth_range: float | None = None, gamma: Gamma | None = None, removal_object: str | None = None
-) -> Dataset:
+def easysynth(root: Path, *, depth_range: float | None = None, removal_object: str | None = None) -> Dataset:
     """The data set in a folder in the layout that EasySynth (github.com/ydrive/EasySynth) renders.
 
     VPI: the first frame of each camera of `with` (and of each sequence of another name) to every other; the object's mask and
@@ -52,13 +50,11 @@ def easysynth(
             of scenes.
         depth_range: metres that 1.0 (= far) stands for in DepthImage; no file holds it. Not needed where a camera has DepthMM
             (16-bit mm over the full range, our addition), which is read first.
-        gamma: how a DepthImage in 8-bit PNG is encoded, usually "srgb".
         removal_object: the class of SemanticClasses.csv that is removed, by name or as "R,G,B"; "object" by default.
     Raises:
         FileError, CameraError: a file, with line and column.
-        DepthError: depth_range or gamma is needed.
+        DepthError: depth_range is needed, or DepthImage is no EXR.
         MaskError: removal_object is no class.
-        InputError: gamma is another word.
     """
     root = Path(root)
     name = root.resolve().name
@@ -66,7 +62,7 @@ def easysynth(
     cases: list[Case] = []
     for folder, folders in _scenes(root):
         scene = folder.resolve().name
-        sequences = [read_sequence(each, depth_range, gamma) for each in folders]
+        sequences = [read_sequence(each, depth_range) for each in folders]
         frames += [frame for sequence in sequences for frame in _frames(scene, sequence)]
         cases += [
             Case(protocol, name, scene, frame, load, yaw)

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.easysynth.text_files import PosedLens, read_poses, read_rig
-from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth, true_disparity
+from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth, true_disparity
 from dlama.datasets.posed.posed_frames import FrameFiles, load_rgbd
 from dlama.datasets.text_tables import folders_in
-from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
+from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.files.rasters.depth import read_depth
-from dlama.files.rasters.images import picture_hw, read_stored
+from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_classes, read_color_of_camera
 from dlama.files.semantic_classes import RGB
 from dlama.geometry.camera import StereoRig
@@ -26,8 +26,6 @@ RIG, POSES = "CameraRig.json", "CameraPoses.csv"
 COLOR, DEPTH, SEMANTIC, MILLIMETRES = "ColorImage", "DepthImage", "SemanticImage", "DepthMM"
 PICTURE = re.compile(r"(?P<stem>.*\D|)(?P<number>\d+)(?P<suffix>\.(?:png|jpe?g|exr))", re.IGNORECASE)
 """<Sequence>.<NNNN>.<png, jpeg or exr>."""
-SRGB_LINEAR_BELOW = 0.04045
-"""IEC 61966-2-1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,19 +74,17 @@ def sequence_folders(root: Path) -> list[tuple[Path, list[Path]]]:
     return [(scene, found) for scene, found in below if found]
 
 
-def read_sequence(folder: Path, depth_range: float | None, gamma: Gamma | None) -> RenderedSequence:
-    """The frames of one rendering output folder; pictures are not opened. depth_range, gamma: as in `easysynth`.
+def read_sequence(folder: Path, depth_range: float | None) -> RenderedSequence:
+    """The frames of one rendering output folder; pictures are not opened. depth_range: as in `easysynth`.
 
-    Raises FileError, CameraError, DepthError, InputError.
+    Raises FileError, CameraError, DepthError.
     """
-    if gamma not in ("srgb", "linear", None):
-        raise InputError(f"`gamma` is {gamma!r}; 'srgb' or 'linear' is expected")
     rig = read_rig(folder / RIG) if (folder / RIG).exists() else {}
     places = {each.name: each for each in _folders(folder) if (each / COLOR).is_dir()}
     missing = [name for name in rig if name not in places]
     if missing:
         raise FileError(f"{folder / missing[0] / COLOR}: no such folder; {folder / RIG} has a camera '{missing[0]}'")
-    cameras = {name: _camera(folder, place, rig.get(name), depth_range, gamma) for name, place in places.items()}
+    cameras = {name: _camera(folder, place, rig.get(name), depth_range) for name, place in places.items()}
     return RenderedSequence(folder, cameras)
 
 
@@ -102,12 +98,10 @@ def _folders(root: Path) -> list[Path]:
     return sorted(folders_in(root)) if root.is_dir() else []
 
 
-def _camera(
-    folder: Path, place: Path, rig: PosedLens | None, depth_range: float | None, gamma: Gamma | None
-) -> dict[int, RenderedFrame]:
+def _camera(folder: Path, place: Path, rig: PosedLens | None, depth_range: float | None) -> dict[int, RenderedFrame]:
     """The frames of one camera, by id."""
     table, poses = _poses(folder, place, rig)
-    read, depths = _depth_pictures(place, list(poses), depth_range, gamma)
+    read, depths = _depth_pictures(place, list(poses), depth_range)
     colors = _pictures(place / COLOR, list(poses))
     semantics = _pictures(place / SEMANTIC, list(poses)) if (place / SEMANTIC).is_dir() else {}
     frames = {}
@@ -135,9 +129,9 @@ def _poses(folder: Path, place: Path, rig: PosedLens | None) -> tuple[Path, dict
 
 
 def _depth_pictures(
-    place: Path, identities: list[int], depth_range: float | None, gamma: Gamma | None
+    place: Path, identities: list[int], depth_range: float | None
 ) -> tuple[Callable[[Path], Float32Array], dict[int, Path]]:
-    """Pictures, and how each is read: DepthMM (16-bit mm) where it is there, else DepthImage, if the options say how."""
+    """Pictures, and how each is read: DepthMM (16-bit mm) where it is there, else DepthImage."""
     if (place / MILLIMETRES).is_dir():
         return read_depth, _pictures(place / MILLIMETRES, identities)
     pictures = _pictures(place / DEPTH, identities)
@@ -146,16 +140,12 @@ def _depth_pictures(
         raise DepthError(
             f"{place / DEPTH}: depth is divided by EasySynth's 'Depth range', which no file holds: give `depth_range=METRES`"
         )
-    if first.suffix.lower() == ".exr":
-        return partial(read_depth, depth_range=depth_range), pictures
-    if first.suffix.lower() != ".png":
-        raise DepthError(f"{first}: depth as JPEG is not exact; render DepthImage as EXR")
-    if gamma is None:
+    if first.suffix.lower() != ".exr":
         raise DepthError(
-            f"{first}: depth as PNG has 256 steps and is usually gamma-encoded by Unreal; render it as EXR, or say how it is "
-            "encoded: `gamma=srgb` (to be undone) or `gamma=linear`"
+            f"{first}: depth as PNG has 256 steps, usually gamma-encoded by Unreal, and as JPEG it is not exact; render "
+            "DepthImage as EXR"
         )
-    return partial(read_png_depth, depth_range=depth_range, gamma=gamma), pictures
+    return partial(read_depth, depth_range=depth_range), pictures
 
 
 def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:
@@ -253,15 +243,3 @@ def _object_mask(frame: RenderedFrame, color: RGB) -> BoolArray:
     if not mask.any():
         raise MaskError(f"{frame.semantic}: no pixel shows the object's class ({','.join(map(str, color))})")
     return mask
-
-
-def read_png_depth(path: Path, depth_range: float, gamma: Gamma) -> Float32Array:
-    """H x W metres of a DepthImage in 8 bit; its largest value is far, 0 is missing. DepthError, FileError."""
-    stored = read_stored(path).values
-    values = stored if stored.ndim == 2 else stored[..., 0]
-    if stored.dtype != np.uint8 or (stored.ndim == 3 and (stored[..., :3] != values[..., None]).any()):
-        raise DepthError(f"{path}: is {stored.dtype} {stored.shape}; 8-bit grey is what EasySynth writes as PNG depth")
-    share = values / 255.0
-    if gamma == "srgb":
-        share = np.where(share <= SRGB_LINEAR_BELOW, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return np.where(values == 255, np.inf, share * depth_range).astype(np.float32)

@@ -39,7 +39,6 @@ def open_cases(path: str, cases: Cases) -> Dataset:
         cases.layout,
         depth_range=cases.depth_range,
         depth_scale=cases.depth_scale,
-        gamma=cases.gamma,
         removal_object=cases.removal_object,
         camera=cases.camera,
         limit=None if cases.yaws else cases.limit,

@@ -37,8 +37,6 @@ class Cases:
     """EasySynth: metres that 1.0 stands for in its depth files."""
     depth_scale: Annotated[float | None, option("UNITS", "the layout's")] = None
     """Units per metre in depth files of posed frames: 1000 = millimetres, Replica 6553.5."""
-    gamma: Annotated[Literal["srgb", "linear"] | None, option("srgb|linear", "as the files say")] = None
-    """EasySynth: how its 8-bit PNG depth is encoded, where there is no better."""
     removal_object: Annotated[str | None, option("NAME|R,G,B", "object")] = None
     """EasySynth: the semantic class that is removed."""
     camera: CameraFile = None
