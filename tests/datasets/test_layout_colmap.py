@@ -106,6 +106,18 @@ def test_inverse_depth_fitted_to_the_points(tmp_path: Path, caplog: pytest.LogCa
         open_frames(root)
 
 
+def test_models_that_are_not_read_are_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A mapper that cannot join all pictures writes several models; one is read, without a word before (oracle: their names)."""
+    root = folder_of(tmp_path / "room", False, False)
+    assert len(open_frames(root)) == 3 and not caplog.text
+    for name in ("10", "2"):
+        (root / "sparse" / name).mkdir()
+        write_model(root / "sparse" / name, CAMERAS, NO_POINTS)
+    (root / "sparse" / "notes").mkdir()
+    assert len(open_frames(root)) == 3
+    assert f"{root / 'sparse'}: model 0 is read and 2, 10 not" in caplog.text
+
+
 def test_points_carry_colour_and_confidence(tmp_path: Path) -> None:
     """Text of points3D: the cloud's own numbers."""
     cloud = lift(WORLD.rgbd(LENS))

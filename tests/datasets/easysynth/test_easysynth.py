@@ -14,7 +14,7 @@ from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, or
 from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
 from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, ViewTruth
-from dlama.datasets.layouts import open_dataset
+from dlama.datasets.layouts import detect, open_dataset
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.geometry.motion.poses import quaternion_from_rotation, rotation_from_quaternion
@@ -102,16 +102,21 @@ def test_poses_there_and_back(turn: tuple[float, float, float]) -> None:
     np.testing.assert_allclose(rotation_from_quaternion(quaternion_from_rotation(turned)), turned, atol=1e-12)
 
 
-def test_the_metric_dialect_means_the_same(sequence: Path) -> None:
-    """Oracle: EasySynth 1.0's exporter, which wrote (Y, -Z, X) / 100 and (w, -y, z, -x) of Unreal's pose."""
-    table = sequence / "CameraComponent" / "CameraPoses.csv"
-    expected = {identity: pose.pose for identity, pose in read_poses(table).items()}
+def write_metric_table(table: Path) -> None:
+    """Poses as EasySynth 1.0's exporter wrote them: (Y, -Z, X) / 100 and (w, -y, z, -x) of Unreal's pose, and intrinsics."""
     lines = ["id,tx,ty,tz,qw,qx,qy,qz,fx,fy,cx,cy"]
     for line in table.read_text().splitlines()[1:]:
         number, tx, ty, tz, qx, qy, qz, qw, _ = map(float, line.split(","))
         values = (ty / 100, -tz / 100, tx / 100, qw, -qy, qz, -qx, 9.5, 9.5, 8, 6)
         lines.append(f"{number:.0f}," + ",".join(f"{value:.9f}" for value in values))
     table.write_text("\r\n".join(lines) + "\r\n")
+
+
+def test_the_metric_dialect_means_the_same(sequence: Path) -> None:
+    """Oracle: the poses before they were written in the other dialect."""
+    table = sequence / "CameraComponent" / "CameraPoses.csv"
+    expected = {identity: pose.pose for identity, pose in read_poses(table).items()}
+    write_metric_table(table)
     (sequence / "CameraRig.json").unlink()
     for number, found in enumerate(easysynth(sequence).frames):
         camera = found.load().camera
@@ -224,6 +229,26 @@ def test_layout_is_known_by_its_names(tmp_path: Path, sequence: Path) -> None:
         assert not looks_like_easysynth(root)
         with pytest.raises(FileError, match=root.name):
             easysynth(root)
+
+
+@pytest.mark.parametrize("metric", [False, True])
+def test_a_cameras_own_folder_is_a_sequence(sequence: Path, metric: bool) -> None:
+    """Oracle: the frames of the sequence it lies in; before 1.2 there is no rig, and nothing above the pictures."""
+    table = sequence / "CameraComponent" / "CameraPoses.csv"
+    expected = [each.load() for each in easysynth(sequence).frames]
+    if metric:
+        write_metric_table(table)
+        (sequence / "CameraRig.json").unlink()
+        (sequence / "CameraPoses.csv").unlink(missing_ok=True)
+    for root in (table.parent, *([sequence] if metric else [])):
+        assert detect(root) == "easysynth"
+        frames = easysynth(root).frames
+        assert [each.name for each in frames] == [f"CameraComponent-{number:04d}" for number in range(3)]
+        for each, truth in zip(frames, expected):
+            found = each.load()
+            np.testing.assert_allclose(found.camera.world_from_cam, truth.camera.world_from_cam, atol=1e-8)
+            np.testing.assert_array_equal(found.depth, truth.depth)
+            np.testing.assert_array_equal(found.color, truth.color)
 
 
 def test_numbering_that_begins_elsewhere(sequence: Path) -> None:

@@ -75,20 +75,27 @@ def sequence_folders(root: Path) -> list[tuple[Path, list[Path]]]:
 
 
 def read_sequence(folder: Path, depth_range: float | None) -> RenderedSequence:
-    """The frames of one rendering output folder; pictures are not opened. depth_range: as in `easysynth`.
+    """The frames of one rendering output folder, or of one camera's own folder in it; pictures are not opened.
+    depth_range: as in `easysynth`.
 
     Raises FileError, CameraError, DepthError.
     """
-    rig = read_rig(folder / RIG) if (folder / RIG).exists() else {}
-    places = {each.name: each for each in _folders(folder) if (each / COLOR).is_dir()}
-    missing = [name for name in rig if name not in places]
+    alone = (folder / COLOR).is_dir()
+    top = folder.resolve().parent if alone else folder
+    rig = read_rig(top / RIG) if (top / RIG).exists() else {}
+    inside = {each.name: each for each in _folders(folder) if (each / COLOR).is_dir()}
+    places = {folder.resolve().name: folder} if alone else inside
+    missing = [name for name in rig if name not in places and not alone]
     if missing:
         raise FileError(f"{folder / missing[0] / COLOR}: no such folder; {folder / RIG} has a camera '{missing[0]}'")
-    cameras = {name: _camera(folder, place, rig.get(name), depth_range) for name, place in places.items()}
+    cameras = {name: _camera(top, place, rig.get(name), depth_range) for name, place in places.items()}
     return RenderedSequence(folder, cameras)
 
 
 def _is_sequence(folder: Path) -> bool:
+    """Also of a camera's own folder, which is all that the versions before 1.2 write of a single camera."""
+    if (folder / COLOR).is_dir():
+        return (folder / POSES).is_file()
     if not ((folder / RIG).is_file() or (folder / POSES).is_file()):
         return False
     return any((each / COLOR).is_dir() for each in _folders(folder))

@@ -23,8 +23,8 @@ import numpy as np
 
 from dlama.datasets.posed import nerfstudio
 from dlama.datasets.posed.lenses import Lens
-from dlama.datasets.posed.posed_frames import Listed, files_of
-from dlama.datasets.text_tables import natural_order, pose_at, read_rows
+from dlama.datasets.posed.posed_frames import LOG, Listed, files_of
+from dlama.datasets.text_tables import folders_in, natural_order, pose_at, read_rows
 from dlama.errors import CameraError, FileError, any_error
 from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_inverse_depth
@@ -188,6 +188,8 @@ def write_model(folder: Path, cameras: Mapping[str, Camera], cloud: PointCloud) 
 
 FITTED = "depth_params.json"
 """Name of a picture -> scale and offset of its inverse depth."""
+FIRST = "sparse/0"
+"""The largest of the models that a mapper could not join."""
 DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 
@@ -198,7 +200,7 @@ def looks_like(root: Path) -> bool:
 
 def model_folder(root: Path) -> Path | None:
     """Where the model lies, if there is one."""
-    for name in ("sparse/0", "sparse", ""):
+    for name in (FIRST, "sparse", ""):
         for kind in (".txt", ".bin"):
             if all((root / name / f"{part}{kind}").is_file() for part in ("cameras", "images")):
                 return root / name
@@ -209,6 +211,11 @@ def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     model = model_folder(folder)
     assert model is not None
+    places = folders_in(model.parent) if model == folder / FIRST else []
+    others = [each.name for each in places if each != model and model_folder(each) == each]
+    if others:
+        left = ", ".join(sorted(others, key=natural_order))
+        LOG.warning("%s: model %s is read and %s not, whose poses are of other worlds", model.parent, model.name, left)
     fitted = read_json_fields(model / FITTED) if (model / FITTED).is_file() else None
     for image in read_model(model):
         name = Path(image.name).with_suffix("").as_posix().replace("/", "_")
