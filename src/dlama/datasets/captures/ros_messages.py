@@ -1,8 +1,9 @@
 """Messages of ROS 1 and 2 in; pictures, depth, intrinsics and poses out. The messages are objects with the fields of their types.
 
 sensor_msgs/Image, CompressedImage and CameraInfo; depth as of REP 118 (16UC1: millimetres, 0 missing; 32FC1, 64FC1: metres,
-NaN missing), also packed by compressed_depth_image_transport (12 bytes: a kind and two numbers a, b; of 32FC1 depth = a / (code -
-b), 0 missing). Camera frames have OpenCV's axes ("optical", REP 103); transforms are those of tf2_msgs/TFMessage.
+NaN missing), also packed by compressed_depth_image_transport (12 bytes: a kind and two numbers a, b; then a PNG, or RVL; of
+32FC1 depth = a / (code - b), 0 missing). Camera frames have OpenCV's axes ("optical", REP 103); transforms are those of
+tf2_msgs/TFMessage.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ import numpy as np
 
 from dlama.datasets.posed.nerfstudio import distortion_px
 from dlama.datasets.text_tables import nearest_in_time, pose_of
-from dlama.errors import FileError
+from dlama.errors import FileError, any_error
 from dlama.files.rasters.images import check_pixels, picture_of_bytes
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.motion.poses import invert_pose, slerp
-from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.rgbd import Float32Array, UInt8Array, UInt16Array
 
 COLORS: dict[str, tuple[int, int | None]] = {
     "rgb8": (3, None), "bgr8": (3, cv2.COLOR_BGR2RGB), "8UC3": (3, cv2.COLOR_BGR2RGB),
@@ -34,7 +35,9 @@ COLORS: dict[str, tuple[int, int | None]] = {
 DEPTHS = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32, "64FC1": np.float64}
 """Encodings of depth."""
 DEPTH_HEADER = 12
-"""Bytes before the PNG of packed depth."""
+"""Bytes before the PNG or RVL of packed depth."""
+MOST_NIBBLES = 10
+"""Of a number in RVL, at 3 bits each."""
 BETWEEN_S = 0.25
 """Seconds beyond the first and the last transform up to which these hold, and between two that are interpolated."""
 
@@ -64,14 +67,26 @@ def seconds_of(message: Any) -> float:
     return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
 
 
+def encoding_of(message: Any) -> str:
+    """As image_encodings.hpp calls it; of a CompressedImage the first word of its format, such as `16UC1; png compressed`."""
+    return str(message.encoding if hasattr(message, "encoding") else message.format.split(";")[0].strip())
+
+
 def is_depth(message: Any) -> bool:
-    """Whether an Image or a CompressedImage holds depth."""
-    return message.encoding in DEPTHS if hasattr(message, "encoding") else "compressedDepth" in message.format
+    """Whether an Image or a CompressedImage holds depth, which is also packed as a plain PNG."""
+    known = encoding_of(message) in DEPTHS
+    return known if hasattr(message, "encoding") else is_packed_depth(message) or (known and "png" in message.format)
 
 
 def is_color(message: Any) -> bool:
     """Whether an Image or a CompressedImage holds a picture."""
-    return message.encoding in COLORS if hasattr(message, "encoding") else "compressedDepth" not in message.format
+    code = encoding_of(message)
+    return code in COLORS if hasattr(message, "encoding") else not (is_packed_depth(message) or code in DEPTHS)
+
+
+def is_packed_depth(message: Any) -> bool:
+    """Whether a CompressedImage is one of compressed_depth_image_transport."""
+    return "compressedDepth" in message.format
 
 
 def color_of(message: Any, where: str) -> UInt8Array:
@@ -89,8 +104,10 @@ def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Arra
         codes = _pixels(message, DEPTHS[message.encoding], 1, where)[..., 0]
     else:
         data = bytes(message.data)
-        codes = np.asarray(picture_of_bytes(data[DEPTH_HEADER:], f"{where}, {message.format}"))
-        if message.format.strip().startswith("32FC1"):
+        unpack = unpack_rvl if "rvl" in message.format.lower() else picture_of_bytes
+        start = DEPTH_HEADER if is_packed_depth(message) else 0
+        codes = np.asarray(unpack(data[start:], f"{where}, {message.format}"))
+        if encoding_of(message) == "32FC1":
             _, a, b = struct.unpack("<iff", data[:DEPTH_HEADER])
             known = codes > 0
             return np.where(known, a / np.where(known, codes.astype(np.float32) - np.float32(b), 1), 0).astype(
@@ -100,6 +117,34 @@ def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Arra
     if unit is not None:
         return metres * np.float32(unit)
     return metres / np.float32(1000) if codes.dtype.kind in "ui" else metres
+
+
+def unpack_rvl(data: bytes, where: str) -> UInt16Array:
+    """h x w codes of RVL (A. Wilson, "Fast Lossless Depth Image Compression", 2017), after 4 bytes each of width and height.
+
+    Numbers are nibbles, of a word's high bits first: 3 bits each, low ones first, and a bit that more follow. In turn they say
+    how many pixels are 0, how many are not, and by how much each of these differs from the last one. FileError.
+    """
+    with any_error(FileError, f"{where}: is damaged"):
+        width, height = struct.unpack_from("<ii", data)
+        check_pixels(where, width, height)
+        words = np.frombuffer(data, "<u4", offset=8)
+        nibbles = (words[:, None] >> np.arange(28, -1, -4, dtype=np.uint32)).ravel().astype(np.int64) & 15
+        ends = np.flatnonzero(nibbles < 8)
+        starts = np.r_[0, ends[:-1] + 1]
+        nibbles = nibbles[: ends[-1] + 1]
+        shift = 3 * np.minimum(np.arange(len(nibbles)) - np.repeat(starts, ends - starts + 1), MOST_NIBBLES)
+        numbers = np.add.reduceat((nibbles & 7) << shift, starts)
+        known, steps, pixel, at = np.zeros(width * height, np.bool_), [], 0, 0
+        while pixel < len(known):
+            start, count = pixel + int(numbers[at]), int(numbers[at + 1])
+            known[start : start + count] = True
+            steps.append(numbers[at + 2 : at + 2 + count])
+            pixel, at = start + count, at + 2 + count
+        changes = np.concatenate(steps)
+        codes = np.zeros(len(known), np.uint16)
+        codes[known] = np.cumsum((changes >> 1) ^ -(changes & 1)).astype(np.uint16)
+        return codes.reshape(height, width)
 
 
 def _pixels(message: Any, kind: type, channels: int, where: str) -> np.ndarray:

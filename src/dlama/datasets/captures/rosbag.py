@@ -27,6 +27,7 @@ from dlama.datasets.captures.ros_messages import (
     color_of,
     depth_of,
     distortion_px_of_info,
+    encoding_of,
     intrinsics_of_info,
     is_color,
     is_depth,
@@ -125,7 +126,7 @@ class Bag:
                     frame = realsense.stream_of(topic) or message.header.frame_id
                     pictures.setdefault(topic, (message, []))[1].append((seconds_of(message), place, frame))
                 else:
-                    self.unread.setdefault(topic, getattr(message, "encoding", "no pixels"))
+                    self.unread.setdefault(topic, encoding_of(message))
             elif kind == INFO:
                 infos.setdefault(topic, message)
             elif unit := realsense.unit_of_option(topic, message):
@@ -204,11 +205,11 @@ class Bag:
         return self._is_grey(topic), self._info(topic) is None, -len(topic.stamps), topic.name
 
     def _is_grey(self, topic: Topic) -> bool:
-        return "infra" in topic.name or getattr(self.topics[topic.name][1], "encoding", "") in ("mono8", "8UC1")
+        return "infra" in topic.name or encoding_of(self.topics[topic.name][1]) in ("mono8", "8UC1")
 
     def _has_depth(self, topic: str, message: Any) -> bool:
         """mono16, and of RealSense 16UC1, is depth where the topic says so, else infrared."""
-        grey = getattr(message, "encoding", "") == "mono16" or realsense.stream_of(topic) is not None
+        grey = encoding_of(message) == "mono16" or realsense.stream_of(topic) is not None
         return is_depth(message) and not (grey and "depth" not in topic.lower())
 
     def _info(self, topic: Topic) -> Any:
