@@ -107,6 +107,19 @@ def test_what_waits_is_packed_by_the_next_run(tmp_path: Path) -> None:
     assert sorted(chain(*keys(tmp_path / "out").values())) == [row["id"] for row in rows]
 
 
+@pytest.mark.usefixtures("in_this_process")
+def test_a_run_that_packed_nothing_is_packed_by_a_later_one(tmp_path: Path) -> None:
+    """Oracle: shards of the same list packed at once; nothing is done twice, and no folder of a result is left."""
+    rows = view_rows(5)
+    run(tmp_path, rows, pack=None)
+    assert all(row.kept for row in run(tmp_path, rows, ordered=True))
+    run(tmp_path, rows, "packed", ordered=True)
+    assert keys(tmp_path / "out") == keys(tmp_path / "packed")
+    assert not (tmp_path / "out" / "v").exists()
+    assert {row["folder"] for row in table(tmp_path / "out").values()} == {"shards/000000.tar", "shards/000001.tar"}
+    assert all(row.kept for row in run(tmp_path, rows))
+
+
 def test_keys_and_numbers() -> None:
     """Round trip by the standard library's reader of %2E; two ids never share a key."""
     for name in ("a", "a.b/c.d", "100%", "%2E", "a%.b"):

@@ -37,8 +37,9 @@ class Packer:
     waiting: list[JobResult] = field(default_factory=list)
 
     def add(self, row: JobResult) -> None:
-        """A result that lies in `staged/`; OutputError where the shard that is full now cannot be written."""
-        if row.status == "done" and row.folder.startswith(STAGED):
+        """A result that lies in no shard, of this run or an earlier one; OutputError where the shard that is full now cannot be
+        written."""
+        if row.status == "done" and not row.folder.startswith(f"{FOLDER}/"):
             self.waiting.append(row)
             if len(self.waiting) >= self.size:
                 self.pack()
