@@ -61,10 +61,10 @@ def test_list_and_info(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> N
     cli.main(["models", "list"])
     reported = capsys.readouterr().out
     assert all(name in reported for name in CATALOGUE) and str(cache_dir) in reported
-    cli.main(["models", "info", "big-lama-official"])
+    cli.main(["models", "info", "depth-anything-outdoor"])
     reported = capsys.readouterr().out
     assert "unknown, pinned on first use" in reported and "never had this file" in reported
-    assert f"{cache_dir / 'big-lama-official.ckpt'} (no)" in reported
+    assert f"{cache_dir / 'depth-anything-outdoor.onnx'} (no)" in reported
 
 
 def test_errors_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_pull_of_what_is_here(
         CATALOGUE["mobile-sam-decoder"], name="toy", file="toy.onnx", sha256=None, bytes=None, urls=()
     )
     monkeypatch.setitem(CATALOGUE, "toy", toy)
-    assert "nobody serves this file" in error_line(capsys, "models", "pull", "toy")
+    assert "no mirror gave the right file" in error_line(capsys, "models", "pull", "toy")
     (cache_dir / "toy.onnx").write_bytes(b"toy")
     cli.main(["models", "pull", "toy"])
     assert capsys.readouterr().out.startswith(f"{cache_dir / 'toy.onnx'}: sha256 ")

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import io
 import json
 import re
 import socket
 import urllib.request
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -197,35 +195,6 @@ def test_an_unknown_hash_is_pinned(server: Server, cache_dir: Path) -> None:
     server.sites["/a"] = Site(WRONG)
     assert "pinned when it was first used; remove its entry in pins.json" in refused(expected)
     assert not path.exists()
-
-
-def a_zip(**entries: bytes) -> bytes:
-    """An archive with those entries, dots and slashes in the names written as D and S."""
-    held = io.BytesIO()
-    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in entries.items():
-            archive.writestr(name.replace("S", "/").replace("D", "."), data)
-    return held.getvalue()
-
-
-def test_one_entry_of_a_zip_is_kept(server: Server, cache_dir: Path) -> None:
-    """The checkpoint, wherever in the archive it is; the archive itself goes."""
-    url = server.add("/a", Site(a_zip(bigSmodelsSbestDckpt=BODY, bigSconfigDyaml=b"x")))
-    expected = a_record(url, known=False, member="models/best.ckpt")
-    assert pull(expected).read_bytes() == BODY
-    assert leftovers(cache_dir) == ["pins.json", "toy.pt"]
-
-
-def test_zips_that_do_not_hold_it(server: Server, cache_dir: Path) -> None:
-    """No such entry; no archive; an archive whose entry is damaged."""
-    damaged = bytearray(a_zip(mSmodelsSbestDckpt=BODY))
-    damaged[200:240] = bytes(40)
-    cases = ((a_zip(other=b"x"), "a ZIP with 0 entries"), (BODY, "no ZIP archive"), (bytes(damaged), "no ZIP archive"))
-    for body, words in cases:
-        expected = a_record(server.add("/a", Site(body)), known=False, member="models/best.ckpt")
-        with pytest.raises(FileError, match=words):
-            pull(expected)
-        assert leftovers(cache_dir) == []
 
 
 def test_a_cache_directory_that_cannot_be_written(server: Server, cache_dir: Path) -> None:

@@ -39,8 +39,8 @@ def target_path(model: Record) -> Path:
 
 def describe_manual_install(model: Record) -> str:
     """What to do where the network does not help, as one sentence."""
-    part = f", unpack it and put {model.member} from it at" if model.member else " and put it at"
-    return f"By hand: download {' or '.join(model.urls)}{part} {target_path(model)}, then `dlama models verify {model.name}`"
+    download = f"By hand: download {' or '.join(model.urls)} and put it at {target_path(model)}"
+    return f"{download}, then `dlama models verify {model.name}`"
 
 
 @system_errors(FileError)
@@ -70,9 +70,8 @@ def locate(name: str) -> Path:
 
 def known_size_and_sha256(model: Record) -> tuple[int | None, str | None]:
     """Bytes and sha256 of the file as it lies on the disk: the record's, else those pinned on first use, else None."""
-    known = (None, None) if model.member else (model.bytes, model.sha256)
-    pinned = read_pins().get(model.file, {}) if None in known else {}
-    size, sha256 = known[0] or pinned.get("bytes"), known[1] or pinned.get("sha256")
+    pinned = read_pins().get(model.file, {}) if None in (model.bytes, model.sha256) else {}
+    size, sha256 = model.bytes or pinned.get("bytes"), model.sha256 or pinned.get("sha256")
     return size if isinstance(size, int) else None, sha256 if isinstance(sha256, str) else None
 
 

@@ -35,8 +35,6 @@ class Record:
     `dlama.perception.masks.segment_anything.PAIRS`)."""
     file: str
     """Its name in the cache directory."""
-    member: str | None = None
-    """Where the addresses serve a ZIP: the end of the path, inside it, of the one entry that is kept."""
     note: str = ""
     """Notes for users."""
 
@@ -67,18 +65,6 @@ CATALOGUE: dict[str, Record] = {
             licence="Apache-2.0",
             contract="lama-weights",
             file="big-lama.pt",
-        ),
-        Record(
-            name="big-lama-official",
-            what="The same, as the authors' checkpoint, discriminator included",
-            urls=("https://huggingface.co/smartywu/big-lama/resolve/main/big-lama.zip",),
-            sha256=None,
-            bytes=None,
-            licence="Apache-2.0",
-            contract="lama-weights",
-            file="big-lama-official.ckpt",
-            member="models/best.ckpt",
-            note="The mirror that the authors' README names; about 400 MB, of which the checkpoint is kept.",
         ),
         Record(
             name="depth-anything-small",

@@ -76,7 +76,7 @@ class Info(Report):
             "what": entry.what,
             "from": "\n          ".join(entry.urls),
             "sha256": entry.sha256 or "unknown, pinned on first use",
-            "pinned": known_size_and_sha256(entry)[1] if entry.sha256 is None or entry.member else None,
+            "pinned": known_size_and_sha256(entry)[1] if entry.sha256 is None else None,
             "bytes": "unknown" if entry.bytes is None else str(entry.bytes),
             "licence": entry.licence,
             "contract": entry.contract,
