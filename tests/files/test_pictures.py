@@ -13,9 +13,9 @@ import tifffile
 from PIL import Image
 
 from dlama.errors import FileError, MaskError
-from dlama.files.rasters.depth import write_depth_png
+from dlama.files.rasters.depth import read_depth, write_depth_png
 from dlama.files.rasters.exr_files import write_exr
-from dlama.files.rasters.images import picture_hw, read_stored
+from dlama.files.rasters.images import has_16_bits, picture_hw, read_stored
 from dlama.files.rasters.masks import read_mask, write_mask
 from dlama.files.rasters.pictures import read_color, srgb_of, write_codes, write_color, write_grey
 
@@ -56,6 +56,36 @@ def test_webp_is_read_and_an_animated_one_refused(tmp_path: Path) -> None:
     (tmp_path / "d.webp").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(FileError, match=r"d\.webp: is damaged or truncated"):
         read_color(tmp_path / "d.webp")
+
+
+@pytest.mark.parametrize("suffix", [".bmp", ".ppm"])
+def test_bmp_and_ppm_are_read(tmp_path: Path, suffix: str) -> None:
+    """What OpenCV and Pillow write, bit for bit."""
+    path = tmp_path / f"c{suffix}"
+    for write in (lambda: cv2.imwrite(str(path), COLOR[..., ::-1]), lambda: Image.fromarray(COLOR).save(path)):
+        write()
+        assert np.array_equal(read_color(path), COLOR) and picture_hw(path) == COLOR.shape[:2]
+
+
+@pytest.mark.parametrize("largest", [65535, 4095])
+def test_a_pgm_of_16_bits_keeps_its_numbers(tmp_path: Path, largest: int) -> None:
+    """Netpbm: big-endian words, whatever the largest value; Pillow would stretch them to 65535. As depth they keep their unit."""
+    values = np.arange(20, dtype=np.uint16).reshape(4, 5) * (largest // 20)
+    path = tmp_path / "d.pgm"
+    path.write_bytes(b"P5\n# a camera's\n5 4\n%d\n" % largest + values.astype(">u2").tobytes())
+    assert np.array_equal(read_stored(path).values, values) and has_16_bits(path)
+    assert np.allclose(read_depth(path, depth_scale=1000)[1:], values[1:] / 1000)
+
+
+def test_avif_is_read_and_turned_by_its_tag(tmp_path: Path) -> None:
+    """Oracle: what was saved, but for what its compression loses; orientation 6 shows the stored picture turned to the right."""
+    path = tmp_path / "c.avif"
+    exif = Image.Exif()
+    exif[274] = 6
+    Image.fromarray(SMOOTH).save(path, quality=95, exif=exif)
+    turned = np.rot90(SMOOTH, -1)
+    assert picture_hw(path) == turned.shape[:2]
+    assert np.abs(read_color(path).astype(int) - turned).mean() < 3
 
 
 @pytest.mark.parametrize(("suffix", "channels"), [(".png", 1), (".png", 4), (".tif", 3), (".tif", 4)])
@@ -132,7 +162,9 @@ def test_missing_and_wrong_files(tmp_path: Path) -> None:
         read_color(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["a.png", "a16.png", "a.jpg", "a.tif", "lzw.tif", "a16.tif"])
+@pytest.mark.parametrize(
+    "name", ["a.png", "a16.png", "a.jpg", "a.tif", "lzw.tif", "a16.tif", "a.bmp", "a.ppm", "a.avif"]
+)
 def test_truncated_pictures_raise_or_are_whole(tmp_path: Path, name: str) -> None:
     """Oracle: the whole picture; cut anywhere, a file gives that (only an end mark is gone) or an error, never half."""
     path = tmp_path / name
@@ -303,12 +335,12 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
     (tmp_path / "scene.npz").touch()
     with pytest.raises(FileError, match=r"is a directory, a file is expected \(.*scene\.npz\?\)$"):
         read_color(tmp_path)
-    picture, words = tmp_path / "picture.png", "no readable PNG, JPEG, WebP, TIFF or HEIC picture, but"
+    picture, words = tmp_path / "picture.png", "no readable PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF or HEIC picture, but"
     for kind, (head, advice) in HEADS.items():
         picture.write_bytes(head + bytes(99))
         with pytest.raises(FileError, match=f"{words} {kind}: {advice}"):
             read_color(picture)
-    for kind in ("GIF", "BMP", "PPM", "JPEG2000"):
+    for kind in ("GIF", "TGA", "JPEG2000"):
         Image.fromarray(COLOR).save(picture, kind)
         with pytest.raises(FileError, match=f"{words} {kind}: save it as PNG"):
             read_color(picture)

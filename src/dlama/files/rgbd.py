@@ -55,10 +55,10 @@ def read_rgbd(
     """Colour and metric depth of one camera; of a picture without depth, depth estimated from it.
 
     Args:
-        image: PNG, JPEG, WebP, TIFF or HEIC; comes back as uint8 H x W x 3 RGB.
-        depth: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; comes back as float32 H x W metres, 0 = missing, +inf = far. None: what
-            the photo's file carries (`dlama.files.photos`), unless a depth_model is given, else it is estimated; the result's
-            `estimate` says which.
+        image: PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF or HEIC; comes back as uint8 H x W x 3 RGB.
+        depth: 16-bit PNG, TIFF or PGM, EXR, PFM, NPY or NPZ; comes back as float32 H x W metres, 0 = missing, +inf = far.
+            None: what the photo's file carries (`dlama.files.photos`), unless a depth_model is given, else it is estimated; the
+            result's `estimate` says which.
         camera: A Camera, or its file; else fx, fy, cx, cy, fov and pixel_center as in `camera_for`, or the picture's EXIF.
         depth_scale, depth_range, channel: As in `read_depth`, of a depth file.
         far: What lies at or beyond so many metres is far (sky).

@@ -65,7 +65,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Reading:
-    """How the depth file is read: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; --far goes with estimated depth too."""
+    """How the depth file is read: 16-bit PNG, TIFF or PGM, EXR, PFM, NPY or NPZ; --far goes with estimated depth too."""
 
     depth_scale: float | None = option("UNITS", "1000 for 16-bit files, 1 for float files", label="Units per metre")
     """Units per metre: 1000 = millimetres, TUM 5000, KITTI 256."""

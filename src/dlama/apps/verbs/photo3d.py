@@ -57,10 +57,10 @@ def photo3d(
     """A 3-D photo: one HTML file that turns under the finger, and a mesh, with what the picture hides filled in.
 
     Args:
-        image: The picture: PNG, JPEG, WebP, TIFF or HEIC. Or the scene.npz of a result, such as of an object removed, or of a
-            stereo pair; or the folder of a data set of posed frames, or a recording (.bag, .mcap, .db3, .mkv, .r3d); --camera,
-            --depth-range, --depth-scale and --resize-depth are for these, too.
-        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
+        image: The picture: PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF or HEIC. Or the scene.npz of a result, such as of an object
+            removed, or of a stereo pair; or the folder of a data set of posed frames, or a recording (.bag, .mcap, .db3, .mkv,
+            .r3d); --camera, --depth-range, --depth-scale and --resize-depth are for these, too.
+        depth: Its depth, same size: 16-bit PNG, TIFF or PGM (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
     """
     from dlama.datasets.layouts import is_capture_file

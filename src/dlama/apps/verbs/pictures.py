@@ -47,8 +47,9 @@ def view(
     """The scene from another viewpoint, with what was hidden filled in.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC. Or a scene.npz: the camera moves from its middle frame.
-        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
+        image: The colour picture: PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF or HEIC. Or a scene.npz: the camera moves from its
+            middle frame.
+        depth: Its depth, same size: 16-bit PNG, TIFF or PGM (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
     """
     with command("view", report) as this:
@@ -72,9 +73,9 @@ def remove(
     """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC. Or the scene.npz of a result: masks and clicks are of
-            its middle frame.
-        depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
+        image: The colour picture: PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF or HEIC. Or the scene.npz of a result: masks and
+            clicks are of its middle frame.
+        depth_and_mask: Its depth, same size (16-bit PNG, TIFF or PGM, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
             object in the picture: black and white, 255 = remove; --click or --box say it in place of that file.
         mask: The mask, where its file does not follow the others.
         output: Directory for the results, made if need be; files of the same names are replaced.
@@ -135,7 +136,7 @@ def depth(
     """The depth of a single picture, the photo's own or estimated by a network: depth files, a preview, camera and points.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
+        image: The colour picture: PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF or HEIC.
         output: Directory for the results, made if need be; files of the same names are replaced.
         far: Depth at or beyond this is far (sky).
     """
@@ -156,8 +157,8 @@ def mask(
     """The mask of an object that you point at: click on it, or draw a box around it.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC. Or a scene.npz: its middle frame.
-        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated
+        image: The colour picture: PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF or HEIC. Or a scene.npz: its middle frame.
+        depth: Its depth, same size: 16-bit PNG, TIFF or PGM (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated
             where the masker needs it.
         output: The mask, 255 = the object; next to it MASK_overlay.png shows it in the picture.
     """

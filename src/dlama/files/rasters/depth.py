@@ -47,7 +47,7 @@ def read_depth(
 ) -> Float32Array:
     """A depth file as float32 H x W: metres, 0 = missing, +inf = far.
 
-    16-bit PNG or TIFF and integer arrays: metres = value / depth_scale (default 1000; TUM 5000, KITTI 256), 65535 = far.
+    16-bit PNG, TIFF or PGM and integer arrays: metres = value / depth_scale (default 1000; TUM 5000, KITTI 256), 65535 = far.
     EXR, PFM, float TIFF, NPY, NPZ (key `depth`), organised PCD: metres, unless `depth_scale` divides them or `depth_range`
     (EasySynth) multiplies values normalised to 0..1, where 1 is far. NaN and -infinity (too close: REP 118, ZED) are missing;
     infinity, and depth >= `far` metres, is far. inverse: values are 1 / depth, as Nuke renders it, 0 = far.
@@ -178,7 +178,9 @@ def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bi
     elif suffix in SUFFIXES:
         values = _one_channel(path, read_stored(path).values, what, eight_bit)
     else:
-        raise FileError(f"{path}: {what} is no '{suffix}', but 16-bit PNG or TIFF, EXR, PFM, NPY (numpy.save) or NPZ")
+        raise FileError(
+            f"{path}: {what} is no '{suffix}', but 16-bit PNG, TIFF or PGM, EXR, PFM, NPY (numpy.save) or NPZ"
+        )
     if values.dtype.itemsize == 1 and not eight_bit:
         raise DepthError(f"{path}: holds 8-bit numbers{EIGHT_BIT[what]}")
     return values

@@ -1,4 +1,4 @@
-"""A PNG, JPEG, WebP, TIFF or HEIC file in; its numbers out, as stored and turned as viewers show them, whole or not at all."""
+"""A picture file (KINDS) in; its numbers out, as stored and turned as viewers show them, whole or not at all."""
 
 from __future__ import annotations
 
@@ -25,10 +25,14 @@ from dlama.files.rasters.orientation import (
     decoder_orientation,
     reset_orientation,
 )
-from dlama.files.rasters.sixteen_bits import bits_of, decode_16_bits, describe_tiff, is_preview
+from dlama.files.rasters.sixteen_bits import PPM_HEADS, bits_of, decode_16_bits, describe_tiff, is_preview
 from dlama.writing.atomic_write import NO_HOME, PathLike, begins_at_home
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
+SUFFIXES = (
+    ".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".avif", ".heic", ".heif",
+)  # fmt: skip
+KINDS = "PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF or HEIC"
+"""What is read, for messages."""
 LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
 HEIC = re.compile(rb"....ftyp(hei|mif1)", re.DOTALL)
@@ -53,7 +57,7 @@ OF_OTHER_VERBS = {
 """Endings of files that other verbs take -> which these are."""
 NO_RGB = ("CMYK", "YCbCr", "LAB", "HSV")
 """Pillow's modes of colours that become RGB when they are read."""
-SEVERAL = {"TIFF": "page", "WEBP": "frame"}
+SEVERAL = {"TIFF": "page", "WEBP": "frame", "AVIF": "frame"}
 """Kinds of files that may hold several pictures, and what these are called."""
 ADDRESS = re.compile(r"[a-z][a-z0-9+]+:/")
 """How an address begins; a path has one slash of its two."""
@@ -130,7 +134,7 @@ def _open_picture(file: PathLike, source: Path | io.BytesIO, formats: tuple[str,
 
 @system_errors(FileError)
 def read_stored(path: PathLike) -> StoredPicture:
-    """The numbers of a PNG, JPEG, WebP, TIFF or HEIC file.
+    """The numbers of a picture file (KINDS).
 
     Raises FileError: missing, damaged, too large or of another kind. MissingExtraError: HEIC, and pillow-heif is not installed.
     """
@@ -169,11 +173,11 @@ def orientation_of(path: PathLike) -> int:
 
 @system_errors(FileError)
 def has_16_bits(path: PathLike) -> bool:
-    """Whether a PNG or TIFF holds 16 bits a channel, by its header; False for all other files. Raises FileError."""
+    """Whether a PNG, TIFF or PPM holds 16 bits a channel, by its header; False for all other files. Raises FileError."""
     file = existing_file(path)
     with file.open("rb") as stream:
         head = stream.read(4)
-    if head not in {b"\x89PNG", *TIFF_HEADS, *BIG_TIFF_HEADS}:
+    if head not in {b"\x89PNG", *TIFF_HEADS, *BIG_TIFF_HEADS} and head[:2] not in PPM_HEADS:
         return False
     with any_error(FileError, f"{file}: is damaged or truncated"), _open(file, b"") as picture:
         return bits_of(picture, file) == 16
@@ -202,14 +206,12 @@ def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
             head = stream.read(12)
         source = io.BytesIO(data) if data else file
         first = "JPEG" if head[:2] == b"\xff\xd8" else "WEBP" if head[8:] == b"WEBP" else "PNG"
-        # Pillow loads the forty others where the first is not this file's
-        formats = (first, "PNG", "JPEG", "WEBP", "TIFF")
+        # Pillow loads the forty others where none of the first five is this file's
+        formats = (first, "PNG", "JPEG", "BMP", "PPM", "WEBP", "TIFF", "AVIF")
         try:
             opened = _heic(file) if HEIC.match(head) else _open_picture(file, source, formats)
         except Image.UnidentifiedImageError as error:
-            raise FileError(
-                f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_describe_file(file)}"
-            ) from error
+            raise FileError(f"{file}: is no readable {KINDS} picture{_describe_file(file)}") from error
         with opened as picture:
             if is_preview(picture):
                 raise FileError(f"{file}: is a raw file of a camera; develop it, and save it as TIFF or PNG")
@@ -251,8 +253,8 @@ def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     elif mode in NO_RGB:
         converted = to_srgb(picture, picture.info.get("icc_profile"), file) if mode == "CMYK" else picture
         picture = converted.convert("RGB")
-    elif mode in ("RGB", "RGBA", "LA") and bits_of(picture, file) == 16:
-        return decode_16_bits(picture, file, data)  # Pillow keeps the high byte only
+    elif (mode in ("RGB", "RGBA", "LA") or picture.format == "PPM") and bits_of(picture, file) == 16:
+        return decode_16_bits(picture, file, data)  # Pillow keeps the high byte only, and stretches PGM to its range
     values = np.array(picture)
     if mode == "I" and picture.format == "PNG":  # older Pillow's name for 16-bit grey
         values = values.astype(np.uint16)

@@ -36,9 +36,9 @@ ROWS_AT_ONCE = 64
 def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
-    PNG, JPEG, WebP, TIFF, HEIC (extra `heic`). Colours of another ICC profile (Display P3 of phones, Adobe RGB, CMYK) become
-    sRGB. 16 bits keep their high byte and alpha is dropped, each with a warning; grey is repeated, palettes are looked up. Turned
-    as viewers show it, where EXIF says so; masks and depth pictures are, too.
+    PNG, JPEG, WebP, TIFF, BMP, PPM, AVIF, HEIC (extra `heic`). Colours of another ICC profile (Display P3 of phones, Adobe RGB,
+    CMYK) become sRGB. 16 bits keep their high byte and alpha is dropped, each with a warning; grey is repeated, palettes are
+    looked up. Turned as viewers show it, where EXIF says so; masks and depth pictures are, too.
 
     Raises:
         FileError: missing, damaged or float.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,24 +13,33 @@ from PIL import Image, TiffImagePlugin
 
 from dlama.errors import FileError
 
+PPM_HEADS = (b"P5", b"P6")
+"""How a PGM and a PPM of bytes begin (Netpbm)."""
+
 
 def bits_of(picture: Image.Image, file: Path) -> int:
     """Bits per channel as stored."""
     if picture.format == "PNG":
         with file.open("rb") as stream:
             return stream.read(25)[24]  # IHDR: signature 8, length 4, type 4, size 8, depth
+    if picture.format == "PPM":
+        with file.open("rb") as stream:
+            words = re.sub(rb"#[^\n]*", b"", stream.read(4096)).split(None, 4)
+        return 16 if words[0] in PPM_HEADS and int(words[3]) > 255 else 8  # kind, width, height, largest value
     tags: Any = getattr(picture, "tag_v2", {})
     return int(max(np.atleast_1d(tags.get(258, 8))))  # BitsPerSample
 
 
 def decode_16_bits(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
-    """uint16 H x W x C of a whole PNG or TIFF with 16-bit colours, RGB(A). FileError."""
+    """uint16 of a whole PNG, TIFF or PPM with 16-bit colours, H x W x C as RGB(A), or of a 16-bit PGM, H x W. FileError."""
     tags: Any = getattr(picture, "tag_v2", {})
     if tags.get(284, 1) != 1:  # PlanarConfiguration; OpenCV mixes rows of the planes
         raise FileError(
             f"{file}: holds its channels one after the other (planar) in 16 bits; save it interleaved, or as PNG"
         )
     values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if picture.format == "PPM" and values is not None and values.ndim == 2:
+        return np.asarray(values)
     if values is None or values.ndim != 3:
         raise FileError(f"{file}: this kind of 16-bit picture cannot be read; save it as 16-bit PNG")
     order = [2, 1, 0, 3][: values.shape[2]]
