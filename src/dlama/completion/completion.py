@@ -115,9 +115,9 @@ class StereoCompletion(Completion):
     """A completion whose two views are the left and the right of a pair."""
 
     disparity_left: Float32Array
-    """H x W px of the completed left view, 0 = far."""
+    """H x W px of the completed left view; far is -doffs of the rig, 0 in most."""
     disparity_right: Float32Array
-    """H x W px of the completed right view, 0 = far."""
+    """H x W px of the completed right view, far as in the left one."""
     agreement: StereoConsistency
     """How well the two completed views agree, over the whole picture."""
 

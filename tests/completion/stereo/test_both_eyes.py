@@ -250,7 +250,7 @@ def test_the_paper_removes_the_object_and_obeys_the_range() -> None:
         assert filled.any() and view.confidence[filled].max() <= LARGEST_CONFIDENCE < 1
     with mock.patch.object(pairs, "disparity_pair", return_value=(at_left, at_right)) as matching:
         stereo(*pictures(), RIG, max_disparity=33, **how)
-    assert [call.kwargs for call in matching.call_args_list] == [{"max_disparity": 33}] * 2
+    assert [call.kwargs for call in matching.call_args_list] == [{"max_disparity": 33, "min_disparity": 0}] * 2
     with pytest.raises(InputError, match="disparity is given and the recipe 'paper'"):
         stereo(*pictures(), RIG, disparity=at_left, **how)
 

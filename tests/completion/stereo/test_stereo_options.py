@@ -3,12 +3,16 @@ pair: what matching gets wrong on and next to the object does not reach the back
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
+import dlama
 from dlama.completion.completion import StereoCompletion
+from dlama.completion.stereo.disparities import match_pair
 from dlama.completion.stereo.pair import (
     OBJECT_REACH,
     MatchedPair,
@@ -199,3 +203,27 @@ def test_bad_matches_on_and_next_to_the_object_do_not_reach_the_wall(filler: str
         assert mask.sum() > 300
         np.testing.assert_allclose(view.depth[mask], 4, rtol=0.02)
     assert done.meta["law_violations"] == 0
+
+
+def test_a_pair_cropped_apart_has_the_depth_of_the_whole_one() -> None:
+    """Closed form: without the left columns of the left picture and the right ones of the right one every disparity is smaller
+    by their number, which doffs says, and negative where the scene is far; depth stays, and so does the doubt (none)."""
+    folder = dlama.example()
+    pictures = [
+        cv2.resize(dlama.read_color(folder / name), (256, 256), interpolation=cv2.INTER_AREA)
+        for name in ("street.jpg", "right.jpg")
+    ]
+    calib = dlama.read_stereo_calib(folder / "calib.txt")
+    whole_rig = StereoRig(calib.left.resized(256, 256), calib.right.resized(256, 256))
+    cut = 8
+    cut_rig = StereoRig(whole_rig.left.cropped(cut, 0, 256 - cut, 256), whole_rig.right.cropped(0, 0, 256 - cut, 256))
+    assert cut_rig.doffs == cut
+    options: dict[str, Any] = {"disparity": None, "matcher": None, "max_disparity": None}
+    whole = match_pair((pictures[0], pictures[1]), whole_rig, None, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # swapped, for one
+        parts = match_pair((pictures[0][:, cut:], pictures[1][:, :-cut]), cut_rig, None, **options)
+    expected, found = whole.left.depth[:, cut:], parts.left.depth
+    both = (expected > 0) & (expected < np.inf) & (found > 0) & (found < np.inf)
+    assert both.mean() > 0.9 * ((expected > 0) & (expected < np.inf)).mean()
+    assert (np.abs(found[both] / expected[both] - 1) < 0.03).mean() > 0.95

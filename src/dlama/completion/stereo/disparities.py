@@ -57,7 +57,7 @@ def match_pair(
         if not given_left.any():
             raise InputError("disparity has no known pixel")
         found, notes = (given_left, transfer_disparity(given_left)), {"matcher": "none: the disparity was given"}
-    doubt = find_pair_fault(left, right, found[0])
+    doubt = find_pair_fault(left, right, found[0], rig.doffs)
     if disparity is None:
         doubt = doubt or find_many_unmatched(left, depth_in_metres(found[0], rig, np.inf))
     if doubt is not None:
@@ -80,10 +80,13 @@ def matcher_for(
         network = NetworkMatcher.open(matcher)
         return network, {"matcher": network.notes}
 
+    lowest = min(max(-rig.doffs, -rig.left.width / 2), 0.0)  # px, of a point at infinity
+
     def match(left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
+        found = disparity_pair(left, right, max_disparity=max_disparity, min_disparity=lowest)
         at_left, at_right = (
             drop_plain_infinity(color, one, depth_in_metres(one, rig, default_far(rig)))
-            for color, one in zip((left, right), disparity_pair(left, right, max_disparity=max_disparity))
+            for color, one in zip((left, right), found)
         )
         return at_left, at_right
 

@@ -132,12 +132,14 @@ def check_exposure(left: UInt8Array, right: UInt8Array) -> list[Finding]:
     return [Finding("exposure", "note", 0.8, what, mend)]
 
 
-def find_pair_fault(left: UInt8Array, right: UInt8Array, left_disparity: Float32Array) -> str | None:
+def find_pair_fault(
+    left: UInt8Array, right: UInt8Array, left_disparity: Float32Array, doffs: float = 0.0
+) -> str | None:
     """The likely reason why two pictures (H x W x 3) are no rectified pair, in one line; None: none found.
 
-    left_disparity: H x W px as matched, 0 = unknown.
+    left_disparity: H x W px as matched, 0 = unknown; doffs: px, as of the rig.
     """
-    fault = find_corner_fault(match_corners(left, right), left.shape[0])
+    fault = find_corner_fault(match_corners(left, right), left.shape[0], doffs)
     if fault is not None:
         return fault.what
     known = float((left_disparity != 0).mean())

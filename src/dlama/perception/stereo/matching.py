@@ -76,7 +76,7 @@ def disparity_pair(
     """
     right = equalise_exposure(right, left)
     if max_disparity is None:
-        max_disparity = _estimate_maximum(left, right, min_disparity)
+        min_disparity, max_disparity = _estimate_range(left, right, min_disparity)
     else:
         _check_reach(left.shape[1], min_disparity, max_disparity)
     if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
@@ -171,16 +171,21 @@ def _join(whole: Float32Array, fine: Float32Array, other: Float32Array, sign: in
     return np.where(np.isnan(whole) & inside & ~hidden, fine, agreed)
 
 
-def _estimate_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -> float:
-    """The largest disparity that a copy of the pair 320 px wide shows (up to half the width), with a margin; full pixels."""
+def _estimate_range(left: UInt8Array, right: UInt8Array, min_disparity: float) -> tuple[float, float]:
+    """The range of disparities, from `min_disparity` to half the width, that a copy of the pair 320 px wide shows, with margins;
+    full pixels. It begins at 0 where nothing lies below."""
     scale = min(1.0, 320 / left.shape[1])
     small_left, small_right = _resize(left, scale, scale), _resize(right, scale, scale)
     lowest = min_disparity * scale
-    found, _ = _match_both_ways(small_left, small_right, lowest, lowest + small_left.shape[1] / 2, TOLERANCE_PX, FINE)
+    highest = max(lowest, 0) + small_left.shape[1] / 2
+    found, _ = _match_both_ways(small_left, small_right, lowest, highest, TOLERANCE_PX, FINE)
     known = found[np.isfinite(found)]
+    if not len(known):
+        return min_disparity, min_disparity + 8
     # 0.2 % of stray matches may survive the checks; an object smaller than that is found if it is in the margin.
-    highest = float(np.percentile(known, 99.8)) / scale if len(known) else min_disparity
-    return min_disparity + 1.1 * (highest - min_disparity) + 8
+    least, most = (float(np.percentile(known, share)) / scale for share in (0.2, 99.8))
+    margin = 0.1 * (most - min(least, 0.0)) + 8
+    return max(min_disparity, min(0.0, least - margin)), most + margin
 
 
 def _resize(picture: UInt8Array, across: float, down: float) -> UInt8Array:
