@@ -53,7 +53,7 @@ def saved(path: Path, values: object) -> Path:
 number = st.floats(1e-3, 1e5)
 
 
-@pytest.mark.filterwarnings("ignore:.*(fx. is|the middle of a picture)")
+@pytest.mark.filterwarnings("ignore:.*(such an|the middle of a picture)")
 @settings(max_examples=40, deadline=None)
 @given(f=st.tuples(number, number), c=st.tuples(st.floats(0, 640), st.floats(0, 480)))
 def test_there_and_back_exactly(tmp_path_factory: pytest.TempPathFactory, f: tuple, c: tuple) -> None:
@@ -365,8 +365,8 @@ def test_the_yaml_of_a_pair(tmp_path: Path, unit: int) -> None:
 @pytest.mark.parametrize(
     ("K", "words"),
     [
-        (matrix(1.0, 1.0, 1.0, 1.3), "fx` is 1 px, wider than any lens.*give `fx=640`"),
-        (matrix(4.2, 3.2, 2.4), "fx` is 4.2 px, wider than any lens"),
+        (matrix(1.0, 1.0, 1.0, 1.3), "`fx` 1 px, wider than any lens.*give `fx=640`"),
+        (matrix(4.2, 3.2, 2.4), "`fx` 4.2 px, wider than any lens"),
         (matrix(35, 320, 240), "looks like a lens in millimetres.*`fx=622.22` of a sensor 36 mm wide"),
         (matrix(1000, 640, 480), "the middle of a picture 2 times as large: give `fx=500`"),
         (matrix(500, -20, 239.5), r"k\.json: the principal point \(-20, 239.5\) lies outside"),
@@ -377,6 +377,12 @@ def test_a_matrix_for_another_size_or_unit_is_warned_of(tmp_path: Path, K: list,
     path = saved(tmp_path / "k.json", {"width": 640, "height": 480, "K": K})
     with pytest.warns(UserWarning, match=words):
         read_camera(path)
+
+
+def test_a_field_of_view_of_no_lens_is_named() -> None:
+    """Law: the warning names what was given, fov; nobody gave an fx."""
+    with pytest.warns(UserWarning, match=r"^camera options: `fov` is 179 degrees, `fx` 2\.23 px, wider than any lens"):
+        camera_for((512, 512), fov=179)
 
 
 def test_camera_from_exif(tmp_path: Path) -> None:

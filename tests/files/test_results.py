@@ -16,13 +16,16 @@ from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
 from dlama.errors import InputError, OutputError
+from dlama.files.cameras import read_camera
 from dlama.files.rasters.depth import read_depth
 from dlama.files.results.completion import BY_DEFAULT, RESULTS, check_results, file_names, write
 from dlama.files.results.preview import source_panel
 from dlama.files.scenes import textured_mesh
+from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.motion.trajectories import orbit
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 
 CAMERA = Camera.from_fov(56, 40, 60)
@@ -107,6 +110,21 @@ def test_several_views(tmp_path: Path) -> None:
     meta = json.loads((tmp_path / "out" / "meta.json").read_text())
     assert len(meta["cameras"]) == len(meta["hole_share_by_type"]) == 2
     assert set(meta["depth_png_clipped_pixels"]) == {"", "view-01/", "view-02/"}
+
+
+def test_of_a_scene_without_views_the_scene_is_written(tmp_path: Path) -> None:
+    """Round trip: no camera was given. The files of the scene are there and no picture; the scene read back renders the same,
+    and meta.json is the camera of the picture."""
+    rgbd = WORLD.rgbd(CAMERA)
+    mask = np.zeros(CAMERA.hw, bool)
+    mask[20:30, 20:30] = True
+    done = complete(rgbd, [], mask=mask, filler="telea")
+    write(done, tmp_path / "out", also=["scene", "points"])
+    files = {path.name for path in (tmp_path / "out").iterdir()}
+    assert files == {"scene.glb", "scene.npz", "scene.ply", "completed.ply", "meta.json"}
+    again = render(read_scene(tmp_path / "out" / "scene.npz"), orbit(CAMERA, 5))
+    np.testing.assert_array_equal(again.color, render(done.scene, orbit(CAMERA, 5)).color)
+    assert read_camera(tmp_path / "out" / "meta.json").same_view_as(CAMERA)
 
 
 def test_a_failure_leaves_nothing(removal: Completion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

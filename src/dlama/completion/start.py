@@ -110,7 +110,12 @@ def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
     """The frame, or what reads it, clipped."""
     if clip is None:
         return frame
-    return frame.clip_depth(clip) if isinstance(frame, RGBD) else lambda: frame().clip_depth(clip)
+    return clip_read(frame, clip) if isinstance(frame, RGBD) else lambda: clip_read(frame(), clip)
+
+
+def clip_read(frame: RGBD, clip: float) -> RGBD:
+    """A frame clipped; what is none, as a function may give, as it is: who reads the frame refuses it by name."""
+    return frame.clip_depth(clip) if isinstance(frame, RGBD) else frame
 
 
 def choose_filler(estimated: bool, filler: str | Inpainter, model: str | Path | None) -> FillerChoice:

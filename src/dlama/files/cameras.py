@@ -82,7 +82,9 @@ def read_camera_fields(path: PathLike) -> FileFields:
         return FileFields(path, {"K": K, "pixel_center": 0.0, **size})
     if "dlama" in fields:  # a meta.json: the camera of image.png, of estimated depth, or of a 3-D photo's picture
         own = fields.values.get("camera", fields.values.get("source_camera"))
-        fields = fields.part("camera", fields.entries("cameras", "cameras")[-1] if "cameras" in fields else own)
+        fields = fields.part(
+            "camera", fields.entries("cameras", "cameras")[-1] if fields.values.get("cameras") else own
+        )
     intrinsics_in(fields)  # what is missing is an error, before a field that is misspelt is warned of
     fields.warn_of_unknown(CAMERA_FIELDS)
     return fields

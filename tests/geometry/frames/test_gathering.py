@@ -10,7 +10,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from dlama.errors import InputError, ShapeError
+from dlama.completion.pipeline import complete
+from dlama.errors import InputError, InputTypeError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import scene
 from dlama.geometry.rgbd import RGBD
@@ -79,7 +80,7 @@ def test_duplicates_are_named_and_left_out() -> None:
 
 
 def test_what_cannot_be_a_scene_is_refused() -> None:
-    """No frames, two sizes, no depth, no overlap: one line each."""
+    """No frames, two sizes, no depth, a function that reads none, no overlap: one line each."""
     given = frames()
     with pytest.raises(InputError, match="frames is empty"):
         scene([])
@@ -88,6 +89,9 @@ def test_what_cannot_be_a_scene_is_refused() -> None:
         scene([given[0], small])
     with pytest.raises(InputError, match="frame 1 has no depth at all"):
         scene([given[0], RGBD(given[1].color, np.zeros_like(given[1].depth), given[1].camera)])
+    for clip in (None, 3.0):
+        with pytest.raises(InputTypeError, match="what reads frame 1 gave a NoneType; an RGBD"):
+            complete([given[0], lambda: None], [LENS], filler="telea", clip=clip)  # type: ignore[list-item, return-value]
     away = WORLD.rgbd(moved(LENS, (0, 180, 0)))
     behind = RGBD(away.color, np.full(LENS.hw, 2.0, np.float32), away.camera)
     with pytest.raises(InputError, match="no two of the 2 frames show the same surfaces"):

@@ -68,7 +68,7 @@ def write(
     """Write a completion to a directory (made if need be) and return it. If anything fails nothing is left behind.
 
     One view: its pictures lie at the top. A stereo pair: the left view at the top, the right one in `right/`. Several views:
-    `view-01/`, `view-02/`, ..., and the last one at the top.
+    `view-01/`, `view-02/`, ..., and the last one at the top. No view (`cameras` was empty): the scene's files alone.
 
     Args:
         completion: What `view`, `remove`, `stereo` or `complete` gave.
@@ -114,7 +114,7 @@ def describe_written(results: Mapping[str, Any], names: Sequence[str], completio
     for name, field in (("depth", "depth_png_clipped_pixels"), ("image", "image_png_bits")):
         if name in names:
             found = {place: results[f"{place}{name}.png"] for place in views_by_folder(completion)}
-            meta[field] = found if len(found) > 1 else found[""]
+            meta[field] = found if len(found) != 1 else found[""]
     return meta
 
 
@@ -175,14 +175,14 @@ def views_by_folder(completion: Completion) -> dict[str, View]:
     views = completion.views
     if isinstance(completion, StereoCompletion):
         return {"": views[0], "right/": views[1]}
-    if len(views) == 1:
-        return {"": views[0]}
+    if len(views) <= 1:
+        return dict(zip([""], views))
     return {"": completion.view, **{f"view-{number:02d}/": view for number, view in enumerate(views, 1)}}
 
 
 def main_view(completion: Completion) -> View:
-    """The view at the top of the directory: the left one of a pair, else the last."""
-    return views_by_folder(completion)[""]
+    """The view at the top of the directory: the left one of a pair, else the last; of a scene alone its first frame."""
+    return views_by_folder(completion).get("") or completion.scene.frames[0].load()
 
 
 def chosen_writers(
@@ -196,7 +196,8 @@ def chosen_writers(
     for place, view in views_by_folder(completion).items():
         of_view = view_writers(view, find_plate(completion, view, place, plates))
         writers |= {f"{place}{name}": writer for name, writer in of_view.items()}
-    writers["preview.png"] = lambda path: write_preview(path, completion)
+    if completion.views:
+        writers["preview.png"] = lambda path: write_preview(path, completion)
     writers["mask.png"] = lambda path: masks.write_mask(path, mask)
     chosen = {file for name in names for file in RESULTS[name]}
     return {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}

@@ -102,7 +102,7 @@ def align_frames(frames: Sequence[Source], *, progress: Progress | None = None) 
         progress: Called with the name of each stage as it begins; what it raises ends the work.
     """
     check_arguments(align_frames, locals())
-    found = estimate_poses(len(frames), lambda place: detect_features(read_frame(frames[place])))
+    found = estimate_poses(len(frames), lambda place: detect_features(read_frame(frames[place], f"frame {place}")))
     if found.poses is None:
         return list(frames)
     return [with_pose(frame, pose) for frame, pose in zip(frames, found.poses)]

@@ -87,7 +87,7 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
         raise InputTypeError(
             f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is expected, or what reads one"
         )
-    first = View.from_rgbd(read_frame(frame))
+    first = View.from_rgbd(read_frame(frame, name))
     if not first.shows_source:
         raise InputError(f"{name} has no depth at all; leave it out")
     if isinstance(frame, RGBD):
@@ -97,9 +97,14 @@ def open_view(frame: FrameSource, name: str, cache: PixelCache) -> Layer:
     return view
 
 
-def read_frame(frame: FrameSource) -> RGBD:
-    """The frame, read where it is a function that reads it."""
-    return frame if isinstance(frame, RGBD) else frame()
+def read_frame(frame: FrameSource, name: str) -> RGBD:
+    """The frame, read where it is a function that reads it. InputTypeError, which calls it `name`: that gave none."""
+    found = frame if isinstance(frame, RGBD) else frame()
+    if not isinstance(found, RGBD):
+        raise InputTypeError(
+            f"what reads {name} gave a {type(found).__name__}; an RGBD (a picture with depth) is expected"
+        )
+    return found
 
 
 def _source_view(frame: Callable[[], RGBD]) -> View:

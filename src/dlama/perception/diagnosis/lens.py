@@ -22,14 +22,14 @@ def check_lens(camera: Camera) -> list[Finding]:
             mend = f"give `fx={fx:.6g}` `fy={fy:.6g}` `cx={cx:.6g}` `cy={cy:.6g}`"
             return [Finding("intrinsics-size", "fault", 0.95, what, mend)]
     wide, high = camera.wh
+    seen = f"`fov` is {camera.fov:.3g} degrees, `fx` {camera.fx:.3g} px"  # either may have been given
     if camera.fx <= 5 < 0.1 * wide:
-        what = f"`fx` is {camera.fx:.3g} px, wider than any lens; it looks like a share of the picture's width"
+        what = f"{seen}, wider than any lens; such an `fx` looks like a share of the picture's width"
         return [Finding("focal-length", "fault", 0.95, what, f"give `fx={camera.fx * wide:.5g}`")]
     if camera.fov > 150:  # cameras of so wide a view have no such pictures
-        what = f"`fx` is {camera.fx:.3g} px, a view of {camera.fov:.3g} degrees; it looks like a lens in millimetres"
         of_film = f"`fx={camera.fx * wide / 36:.5g}` of a sensor 36 mm wide"
         mend = f"give `fx` = millimetres / width of the sensor in millimetres x {wide}, {of_film}"
-        return [Finding("focal-length", "fault", 0.95, what, mend)]
+        return [Finding("focal-length", "fault", 0.95, f"{seen}; such an `fx` looks like a lens in millimetres", mend)]
     swapped = abs(camera.cx - high / 2) < 0.05 * high and abs(camera.cy - wide / 2) < 0.05 * wide
     if swapped and abs(wide / high - 1) >= 0.15:
         what = f"`cx` is {camera.cx:.5g} and `cy` {camera.cy:.5g} in a {wide}x{high} picture: they look swapped"
