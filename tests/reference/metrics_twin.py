@@ -18,7 +18,7 @@ def left_right(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, slack
     height, width = disparity.shape
     differences = []
     for row in range(height):
-        lands = {x: x - float(disparity[row, x]) for x in range(width) if 0 < disparity[row, x] < np.inf}
+        lands = {x: x - float(disparity[row, x]) for x in range(width) if 0 < abs(disparity[row, x]) < np.inf}
         lands = {x: at for x, at in lands.items() if 0 <= at <= width - 1}
         for x, at in lands.items():
             mine = {int(np.floor(at)), int(np.ceil(at))}

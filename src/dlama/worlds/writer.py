@@ -9,9 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from dlama import __version__
-from dlama.completion.memory import LONGEST_SIDE, check_memory
+from dlama.completion.memory import check_memory
 from dlama.datasets.easysynth.writer import SequenceFrame, SequenceKey, StereoSequence, write_scene
-from dlama.errors import InputError, OutputError, system_errors
+from dlama.errors import OutputError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.worlds.dataset import YAWS, WorldSettings, world_settings
 from dlama.worlds.world import SIZE, Kind, World, classes_of, yaw_order
@@ -47,8 +47,6 @@ def write_worlds(
             progress(next(done), FRAMES * count)
 
     every = world_settings(count, seed, size, kind, textures)
-    if size > LONGEST_SIDE:
-        raise InputError(f"`size` is {size}; at most {LONGEST_SIDE} pixels are expected")
     check_memory([Camera.from_fov(size, size, 60.0)])
     return [_write_or_keep(Path(folder), each, step) for each in every]
 

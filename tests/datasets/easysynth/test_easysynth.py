@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, orbit_yaw
-from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
+from dlama.datasets.easysynth.text_files import opencv_pose, unreal_pose
 from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.datasets.layouts import detect, open_dataset
@@ -110,18 +110,6 @@ def write_metric_table(table: Path) -> None:
         values = (ty / 100, -tz / 100, tx / 100, qw, -qy, qz, -qx, 9.5, 9.5, 8, 6)
         lines.append(f"{number:.0f}," + ",".join(f"{value:.9f}" for value in values))
     table.write_text("\r\n".join(lines) + "\r\n")
-
-
-def test_the_metric_dialect_means_the_same(sequence: Path) -> None:
-    """Oracle: the poses before they were written in the other dialect."""
-    table = sequence / "CameraComponent" / "CameraPoses.csv"
-    expected = {identity: pose.pose for identity, pose in read_poses(table).items()}
-    write_metric_table(table)
-    (sequence / "CameraRig.json").unlink()
-    for number, found in enumerate(easysynth(sequence).frames):
-        camera = found.load().camera
-        np.testing.assert_allclose(camera.world_from_cam, expected[number], atol=1e-8)
-        assert (camera.fx, camera.cx, camera.cy) == (9.5, 8, 6)
 
 
 def test_orbit_yaw_is_signed_and_knows_what_is_none() -> None:
@@ -233,7 +221,8 @@ def test_layout_is_known_by_its_names(tmp_path: Path, sequence: Path) -> None:
 
 @pytest.mark.parametrize("metric", [False, True])
 def test_a_cameras_own_folder_is_a_sequence(sequence: Path, metric: bool) -> None:
-    """Oracle: the frames of the sequence it lies in; before 1.2 there is no rig, and nothing above the pictures."""
+    """Oracle: the frames of the sequence it lies in; before 1.2 there is no rig, nothing above the pictures, and the lens is in
+    the table of poses."""
     table = sequence / "CameraComponent" / "CameraPoses.csv"
     expected = [each.load() for each in easysynth(sequence).frames]
     if metric:
@@ -249,6 +238,8 @@ def test_a_cameras_own_folder_is_a_sequence(sequence: Path, metric: bool) -> Non
             np.testing.assert_allclose(found.camera.world_from_cam, truth.camera.world_from_cam, atol=1e-8)
             np.testing.assert_array_equal(found.depth, truth.depth)
             np.testing.assert_array_equal(found.color, truth.color)
+            lens = found.camera
+            assert (lens.fx, lens.cx, lens.cy) == (9.5 if metric else CAMERA.fx, 8, 6)
 
 
 def test_numbering_that_begins_elsewhere(sequence: Path) -> None:

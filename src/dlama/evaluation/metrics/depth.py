@@ -21,6 +21,7 @@ import numpy as np
 
 from dlama.errors import import_extra
 from dlama.evaluation.metrics.pictures import SETTINGS, mean_or_nan
+from dlama.evaluation.metrics.regions import is_known
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -74,9 +75,9 @@ def disparity_errors(mine: Float32Array, truth: Float32Array, region: BoolArray 
         bad-1, bad-2 (shares 0..1 that are off by more than 1 or 2 pixels; a missing estimate is bad), epe (mean
         error in pixels where the estimate is there), coverage (the share where it is); nan where no pixel counts.
     """
-    counted = _is_known(truth) if region is None else _is_known(truth) & region
+    counted = is_known(truth) if region is None else is_known(truth) & region
     guess, there = mine[counted].astype(np.float64), truth[counted].astype(np.float64)
-    given = _is_known(guess)
+    given = is_known(guess)
     error = np.full(len(there), np.inf)
     error[given] = np.abs(guess[given] - there[given])
     return {
@@ -114,12 +115,12 @@ def left_right_difference(
 def visible_in_right(disparity: Float32Array) -> BoolArray:
     """H x W, True where a left pixel has disparity, falls inside the right picture, and nothing nearer lies over it."""
     height, width = disparity.shape
-    rows, columns = np.nonzero(_is_known(disparity))
+    rows, columns = np.nonzero(is_known(disparity))
     shift = disparity[rows, columns].astype(np.float64)
     at = columns - shift
     inside = (at >= 0) & (at <= width - 1)
     rows, columns, shift, at = rows[inside], columns[inside], shift[inside], at[inside]
-    nearest = np.zeros((height, width))
+    nearest = np.full((height, width), -np.inf)
     left, right = np.floor(at).astype(np.int64), np.ceil(at).astype(np.int64)
     np.maximum.at(nearest, (rows, left), shift)
     np.maximum.at(nearest, (rows, right), shift)
@@ -127,10 +128,6 @@ def visible_in_right(disparity: Float32Array) -> BoolArray:
     # both columns that linear reading mixes must be free
     seen[rows, columns] = np.maximum(nearest[rows, left], nearest[rows, right]) <= shift + OCCLUDED_PX
     return seen
-
-
-def _is_known(disparity: Float32Array | Float64Array) -> BoolArray:
-    return np.isfinite(disparity) & (disparity > 0)
 
 
 def cloud_scores(estimate: Float64Array, truth: Float64Array) -> dict[str, float]:

@@ -240,8 +240,8 @@ def warp_row(
     outside[border:] = known[border:] = True
 
 
-def is_known(disparity: Float32Array) -> BoolArray:
-    """H x W, True where a disparity was given."""
+def is_known(disparity: Float32Array | Float64Array) -> BoolArray:
+    """True where a disparity was given; below 0 it is of something far in a rig with doffs."""
     return np.isfinite(disparity) & (disparity != 0)
 
 

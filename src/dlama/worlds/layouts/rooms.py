@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 from dlama.worlds.layouts.floor_plan import FloorPlan
 from dlama.worlds.props.buildings import row
 from dlama.worlds.props.furniture import ROOM_OBJECTS, ROOM_PROPS, WALL_PROPS, picture
@@ -14,15 +11,8 @@ from dlama.worlds.scene_builder import Material
 THICK_M = 0.25
 
 
-@contextmanager
-def wall_place(plan: FloorPlan, x: float, z: float, yaw: float) -> Iterator[None]:
-    """A wall's place: its inner face is z = 0; walls let the light in, or every room would be dark."""
-    with plan.builder.at(x, z, yaw), plan.builder.group(casts=False):
-        yield
-
-
 def wall(plan: FloorPlan, length: float, height: float, material: Material, window: bool) -> None:
-    """A wall along x, centred; at times with a window in it, a real opening through which one sees the sky."""
+    """A wall along x, centred, its inner face z = 0; at times with a window in it, an opening through which one sees the sky."""
     builder, rng = plan.builder, plan.rng
     middle = THICK_M / 2
     if not window:
@@ -134,7 +124,7 @@ def room(plan: FloorPlan) -> None:
     skirting = palette.paint(saturation=(0, 0.3), value=(0.4, 0.95))
     for n, (x, z, yaw, length) in enumerate((*sides, (middle, near, 180, width))):
         window = rng.random() < (0.5, 0.4, 0.4, 0)[n]
-        with wall_place(plan, x, z, yaw):
+        with builder.at(x, z, yaw), builder.group(casts=False):  # walls let the light in, or every room would be dark
             wall(plan, length + 2 * THICK_M, height, other if n == 0 else paper, window)
             builder.box((0, 0, 0), (length, 0.1, 0.04), skirting)
         plan.building_row(x, z, yaw, -length / 2, length / 2)
