@@ -110,6 +110,16 @@ def test_any_prefix(tmp_path, random_state, prefix):
     assert weights.settings.activation == "tanh"
 
 
+def test_the_moving_average_is_meant(tmp_path, random_state):
+    """Oracle: the weights under average, as of a checkpoint of dlama's training, which exports them; the generator's are left."""
+    state = random_state(SMALL)
+    others = {f"generator.{name}": array * 0 for name, array in state.items()}
+    write_safetensors(tmp_path / "w.safetensors", others | {f"average.{name}": array for name, array in state.items()})
+    weights = read_generator(tmp_path / "w.safetensors")
+    _same(weights.state, state)
+    assert weights.notes == (f"left in the file: {len(state)} tensors of generator",)
+
+
 def test_half_precision_is_converted_and_said(tmp_path, random_state):
     """Oracle: numpy's own rounding to float16; bfloat16 through torch."""
     state = random_state(SMALL)

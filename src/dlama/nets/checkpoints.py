@@ -19,6 +19,8 @@ from dlama.nets.safetensors_file import read_safetensors
 from dlama.nets.torch_file import TorchFile
 
 COUNTER = ".num_batches_tracked"
+MEANT = ("average.", "generator.", "model.generator.")
+"""Prefixes of the network that is used; dlama's training exports the moving average of its generator."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +125,9 @@ def _open(path: Path) -> _File:
 
 
 def _prefix(file: _File) -> str:
-    """Prefix of the published names; where several networks have them, the one called generator is meant."""
+    """Prefix of the published names; where several networks have them, the first of MEANT."""
     found = [name[: -len(STEM)] for name in file.shapes if name == STEM or name.endswith("." + STEM)]
-    if len(found) > 1:
-        found = [prefix for prefix in found if prefix in ("generator.", "model.generator.")] or found
+    found = [prefix for prefix in MEANT if prefix in found][:1] or found
     if len(found) != 1:
         what = f"{len(found)} networks have" if found else "no tensor is called"
         raise FileError(

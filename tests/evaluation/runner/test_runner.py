@@ -185,7 +185,7 @@ def test_pictures_are_kept_where_they_are_asked_for(tmp_path: Path) -> None:
     cases, methods = made_up_dataset(scenes=1).cases[:1], [Method("dlama", "telea")]
     settings = ProtocolSettings(object_dilations=(), lpips=False)
 
-    def again(pictures: bool) -> int:
+    def again(pictures: bool, settings: ProtocolSettings = settings) -> int:
         return run(cases, methods, {"vpi": vpi.score}, settings, tmp_path, pictures=pictures).reused
 
     assert again(False) == 0 and not (tmp_path / "pictures").exists()
@@ -196,6 +196,9 @@ def test_pictures_are_kept_where_they_are_asked_for(tmp_path: Path) -> None:
     assert again(True) == again(False) == 1
     place.with_name(f"{place.name}.png").unlink()
     assert again(False) == 1 and again(True) == 0 and place.with_name(f"{place.name}.png").is_file()
+    other = dataclasses.replace(settings, smallest_region=settings.smallest_region + 1)
+    assert again(False, other) == 0 and not any(place.parent.iterdir())  # they were those of the settings before
+    assert again(True, other) == 0
 
 
 def test_an_interrupted_run_keeps_what_is_done(tmp_path: Path, log: Path) -> None:

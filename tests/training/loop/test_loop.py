@@ -125,8 +125,9 @@ def test_the_exported_network_is_the_moving_average(tiny_run):
 
 @pytest.mark.slow
 def test_the_checkpoint_is_a_lama_checkpoint(tiny_run):
-    """Oracle: the reader of anybody's checkpoints finds the generator in it; fine-tuning can start from it."""
-    weights = read_generator(tiny_run.run / LAST)
+    """Oracle: the reader of anybody's checkpoints finds the network in it that is exported; fine-tuning can start from it."""
+    weights, exported = read_generator(tiny_run.run / LAST), read_generator(tiny_run.run / "tiny.safetensors")
+    assert all(np.array_equal(weights.state[name], array) for name, array in exported.state.items())
     assert weights.settings == PRESETS["tiny"].settings.network.generator
     again = initial_generator(replace(PRESETS["tiny"].settings.network, start=str(tiny_run.run / "tiny.safetensors")))
     assert sum(p.numel() for p in again.parameters()) == sum(

@@ -225,6 +225,10 @@ def _run_one(task: Task, truth: Truth, method: Method, key: str) -> None:
     seconds, peak = time.perf_counter() - started, peak_mib(since_reset)
     name, case = stem(task.case, method), task.case
     head = case.protocol, case.dataset, case.scene, case.frame, case.yaw
+    shown = picture_of(task.folder, name)
+    deep = shown.with_suffix(".exr")
+    for old in (shown, deep):  # of earlier settings or code
+        old.unlink(missing_ok=True)
     rows, panels = list[Row](), dict[str, str]()
     for number, one in enumerate(scored):
         recipe = f"{method.recipe}+{one.variant}" if one.variant else method.recipe
@@ -233,8 +237,8 @@ def _run_one(task: Task, truth: Truth, method: Method, key: str) -> None:
             panels[recipe] = f"{name}--{number}.jpg"
             write_file(task.folder / "panels" / panels[recipe], jpeg(one.panel))
         if task.pictures and one.view is not None:
-            write_depth_exr(task.folder / PICTURES / f"{name}.exr", one.view.depth)
-            write_color(picture_of(task.folder, name), one.view.color)
+            write_depth_exr(deep, one.view.depth)
+            write_color(shown, one.view.color)
     timings = (Row(*head, method.recipe, method.filler, *each) for each in _timings(scored, seconds, peak))
     warned = dict.fromkeys(str(one.message) for one in caught)
     stored = Stored(key, tuple(rows), tuple(timings), panels, tuple(warned))

@@ -1,7 +1,7 @@
 """A training module in -> one checkpoint file, written whole or not at all, out; and back.
 
 The file is torch's, read with `weights_only=True`. Its `state_dict` has the published names under `generator.`, so every
-reader of LaMa checkpoints finds the network in it; `average.` is the one that is exported.
+reader of LaMa checkpoints finds the network in it; `average.` is the one that is exported, and that dlama reads.
 """
 
 from __future__ import annotations
