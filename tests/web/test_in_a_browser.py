@@ -451,6 +451,8 @@ def test_files_are_what_their_names_say(pages: Pages) -> None:
         "rgb.png rgb_depth.png mask.png": "picture depth mask",
         "a.png info.yaml b.exr": "picture camera depth",
         "street.jpg calib.txt": "picture camera",
+        "street.jpg calib.yaml": "picture camera",
+        "left.png right.png left.yaml right.yaml": "picture right camera calib",
         "left.png right.png calib.txt": "picture right calib",
         "im0.png im1.png stereo.json": "picture right calib",
         "a.png 1305031102.160407.png": "picture right",

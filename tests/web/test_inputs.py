@@ -101,6 +101,20 @@ def test_the_camera_of_ros_is_taken(visit: Visit, frame: Path, tmp_path: Path) -
     assert (camera.fx, camera.cx, camera.cy) == (50, 32, 24)
 
 
+def test_a_pair_of_ros_is_taken(visit: Visit, tmp_path: Path) -> None:
+    """By hand: P of the right camera's file, -fx * baseline in its last column; the left camera's has no baseline."""
+    numbers = "256., 0., 256., {}, 0., 256., 256., 0., 0., 0., 1., 0."
+    text = f"image_width: 512\nimage_height: 512\nprojection_matrix:\n  data: [{numbers}]\n"
+    (tmp_path / "left.yaml").write_text(text.format("0."), "utf-8")
+    with pytest.raises(PageError, match=r"^left\.yaml: its projection matrix has no baseline"):
+        hand_in(visit, "calib", tmp_path / "left.yaml")
+    (tmp_path / "right.yaml").write_text(text.format("-32."), "utf-8")
+    for role, path in (("picture", "street.jpg"), ("right", "right.jpg")):
+        hand_in(visit, role, dlama.example() / path)
+    hand_in(visit, "calib", tmp_path / "right.yaml")
+    assert api.read(visit, {})["source"]["facts"]["calib"] == "baseline 0.125 m"
+
+
 @pytest.mark.parametrize(
     ("fields", "field"),
     [

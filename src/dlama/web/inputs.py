@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import dlama
+from dlama.files.camera_yaml import read_yaml_pair
 from dlama.files.cameras import read_camera_fields
 from dlama.files.fields import intrinsics_in, read_calib_txt, read_json_fields
 from dlama.files.rasters.images import SUFFIXES, picture_hw
@@ -24,7 +25,7 @@ ROLES: dict[str, tuple[str, ...]] = {
     "depth": (".png", ".tif", ".tiff", ".exr", ".pfm", ".npy", ".npz", ".pcd"),
     "camera": (".json", ".txt", ".yaml", ".yml"),
     "right": SUFFIXES,
-    "calib": (".txt", ".json"),
+    "calib": (".txt", ".json", ".yaml", ".yml"),
 }
 """What a visitor can hand in -> the endings its file may have."""
 LONGEST_NAME = 80
@@ -100,8 +101,10 @@ def check_lens_file(path: Path, role: str) -> None:
         intrinsics_in(read_camera_fields(path))
     elif path.suffix == ".txt":
         read_calib_txt(path)
-    else:
+    elif path.suffix == ".json":
         read_json_fields(path)
+    else:
+        read_yaml_pair(path)
 
 
 def read_source(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
@@ -123,7 +126,7 @@ def read_picture(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Sour
 
 def read_pair(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
     """A rectified stereo pair, matched once so that its left picture has depth to click on."""
-    for role, what in (("right", "the right picture"), ("calib", "the calibration, calib.txt or JSON,")):
+    for role, what in (("right", "the right picture"), ("calib", "the calibration, calib.txt, JSON or YAML,")):
         if role not in files:
             depth = "; where a picture is depth, say so under “Choose file by file”" if role == "calib" else ""
             raise PageError(f"{what} of the stereo pair is expected{depth}", role)

@@ -18,8 +18,7 @@ export function rolesOf(list, have, endings) {
     const kind = ending(file.name), name = file.name.toLowerCase();
     if (NUMBERS_ONLY.includes(kind)) take("depth", file);
     else if (kind === ".txt") take("calib", file);
-    else if ([".yaml", ".yml"].includes(kind)) take("camera", file);
-    else if (kind === ".json") take(/calib|stereo/.test(name) ? "calib" : "camera", file);
+    else if (TEXTS.includes(kind)) take(/calib|stereo|right/.test(name) ? "calib" : "camera", file);
     else if (endings.picture.includes(kind)) pictures.push(file);
     else left.push([file, `is no file that this page takes (${TAKEN})`]);
   }
@@ -31,7 +30,7 @@ export function rolesOf(list, have, endings) {
     else if (!found.picture && !(have.picture && pictures.length === 1 && (found.calib || have.calib) && !have.right)) found.picture = file;
     else take("right", file);
   }
-  if (found.calib && !found.right && !have.right && ending(found.calib.name) === ".txt") {
+  if (found.calib && !found.right && !have.right && ending(found.calib.name) !== ".json") {
     take("camera", found.calib);
     delete found.calib;
   }
