@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,10 @@ from hypothesis import strategies as st
 from dlama.errors import CameraError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.motion.poses import FARTHEST_M, check_pose, invert_pose
+from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.projection import project, px_from_px
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD
 from worlds import pixels_of, points_of, pose_of
 
 numbers = st.floats(-4, 4)
@@ -191,6 +196,16 @@ def test_a_size_in_any_number_is_one_of_python(kind: Callable[[int], Any]) -> No
     camera = Camera.from_fov(kind(96), kind(64), 90)
     assert camera.wh == (96, 64) and camera.fx == pytest.approx(48)
     assert type(camera.width) is int and type(camera.height) is int
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.longdouble, np.array, Decimal, Fraction])
+def test_intrinsics_in_any_number_are_floats(kind: Callable[[float], Any]) -> None:
+    """Oracle: the camera of Python's floats renders the same; kernels had no signature for other numbers, such as a tensor's."""
+    pixels = np.full((6, 8, 3), 99, np.uint8), np.full((6, 8), 2, np.float32)
+    own = Camera(8, 6, *map(kind, (5.0, 5.0, 4.0, 3.0)))
+    assert all(type(getattr(own, name)) is float for name in ("fx", "fy", "cx", "cy"))
+    views = [render(RGBD(*pixels, camera), orbit(camera, 5)) for camera in (own, Camera(**GOOD))]
+    np.testing.assert_array_equal(views[0].depth, views[1].depth)
 
 
 def test_cameras_say_what_they_are_in_one_line() -> None:

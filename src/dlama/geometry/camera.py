@@ -70,8 +70,10 @@ class Camera:
             value = getattr(self, name)
             if not is_finite(value):
                 raise CameraError(f"camera `{name}` is {format_value(value)}; a finite number of pixels is expected")
+            value = float(value)  # kernels take no numbers of torch, nor of 16 bits
             if abs(value) > LARGEST_PX:
                 raise CameraError(f"camera `{name}` is {value:g} px; at most {LARGEST_PX:g} px is expected")
+            object.__setattr__(self, name, value)
         for name in ("fx", "fy"):
             value = getattr(self, name)
             if value < SMALLEST_FOCAL_PX:
