@@ -135,6 +135,8 @@ def test_a_completed_picture_is_a_scene() -> None:
     ] == [False, False]
     with pytest.raises(InputError, match="cameras is empty"):
         dlama.render_path(done.scene, [])
+    with pytest.raises(InputError, match="seed is -1"):  # at the call, not at the first view
+        dlama.render_path(done.scene, [small_street.CAMERA], seed=-1)
 
 
 def test_paths_by_name_begin_at_the_camera_and_close() -> None:

@@ -183,10 +183,13 @@ def test_concatenated_keeps_order_and_takes_nothing() -> None:
     assert len(both) == 3 and len(concatenate([])) == 0
 
 
-def test_a_scene_without_frames_is_refused() -> None:
-    """Oracle: the error of the tree."""
+def test_a_scene_without_frames_or_of_several_sizes_is_refused() -> None:
+    """Oracle: the error of the tree; rendering them ended in one of numpy."""
     with pytest.raises(ShapeError, match="frames is empty"):
         Scene(())
+    view = View.from_rgbd(RGBD(COLOR, DEPTH, CAMERA))
+    with pytest.raises(ShapeError, match="left is 2x2 and right 3x2; both must have the same size"):
+        Scene((view, view.cropped(slice(0, 2), slice(0, 2))), names=("right", "left"))
 
 
 def test_pictures_say_what_they_are_in_one_line() -> None:

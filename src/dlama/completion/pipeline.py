@@ -13,6 +13,7 @@ from pathlib import Path
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
+from dlama.completion.recipes import check_seed
 from dlama.completion.report import (
     Clock,
     expected_errors,
@@ -117,6 +118,7 @@ def render_path(
     check_arguments(render_path, locals())
     if not cameras:
         raise InputError("cameras is empty; a path of one camera or more is expected")
+    check_seed(seed)
     inpainter = find_filler(choose_filler(scene.has_estimated_depth, filler, model).filler, model)
     return _views(scene, list(cameras), inpainter, find_filler("telea") if filler == AUTO else inpainter, seed)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dlama.arguments import check
-from dlama.errors import InputError, ShapeError, format_count
+from dlama.errors import InputError, ShapeError, check_same_size, format_count
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import concatenate
 from dlama.geometry.codes import HoleType, Origin, from_filler
@@ -33,7 +33,7 @@ class Scene:
     """
 
     frames: tuple[Layer, ...]
-    """Pictures of the scene without removed objects; at least one. Sensor holes may have filled depth."""
+    """Pictures of the scene without removed objects; at least one, of one size. Sensor holes may have filled depth."""
     removals: tuple[Layer, ...] = ()
     """Removed objects: views of frames in which all but the object is a hole. In c+ (eq. 10), not in c- (eq. 11)."""
     fills: tuple[Layer, ...] = ()
@@ -67,6 +67,8 @@ class Scene:
                 raise ShapeError(
                     f"{name} has {len(getattr(self, name))} entries for {format_count(count, 'frame')}; as many are expected"
                 )
+        for frame, name in zip(self.frames, self.names):
+            check_same_size(name, frame.camera.hw, self.names[0], self.frames[0].camera.hw)
 
     @property
     def layers(self) -> tuple[Layer, ...]:
