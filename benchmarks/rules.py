@@ -180,8 +180,6 @@ SHADOW_RULES: dict[str, Callable[[], None]] = {
     "grow-ambient": _shadow("grow_ambient_shadow", lambda rgbd, mask, *rest: np.zeros_like(mask)),
     "under-object": _shadow("grow_under_object", lambda rgbd, mask, *rest: np.zeros_like(mask)),
     "pixel-classifier": _no_pixel_classifier,
-    "cast-candidates": _shadow("TRIED", 0, "classifier"),
-    "second-candidate": _shadow("TRIED", 1, "classifier"),
 }
 """The same of `dlama.perception.shadows`, for `shadow_rules.py`."""
 

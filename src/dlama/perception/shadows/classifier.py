@@ -31,8 +31,6 @@ from dlama.perception.shadows.search import SMALLEST_PX
 MODEL = ASSETS / "shadow" / "shadow.npz"
 CLIP = 5.0
 """Standard deviations that features are clipped to."""
-TRIED = 2
-"""Cast shapes that are evaluated, the likeliest first."""
 SHADOW = 0.5
 """Least probability of a pixel."""
 
@@ -70,8 +68,8 @@ class LikelyShadows:
 def find_likely_shadows(
     planes: ShadowPlanes, parts: dict[str, Classifier], file: NetworkFile | None = None
 ) -> list[LikelyShadows]:
-    """The candidates from the likeliest cast shapes, extended to where their shadow ends, and from the network (`file`, or the
-    one that ships)."""
+    """The candidates from the likeliest cast shape, extended to where its shadow ends, and from the network (`file`, or the one
+    that ships)."""
     marked = network_probability(planes, file)
     region = marked > SHADOW
     shapes = cast_interiors(planes)
@@ -80,9 +78,8 @@ def find_likely_shadows(
     there = np.isfinite(features).all(1)
     certainty = np.where(there, parts["candidate"](np.nan_to_num(features)), 0)
     out = []
-    for number in np.argsort(-certainty, kind="stable")[:TRIED]:
-        if certainty[number] < 0.04:
-            break
+    number = int(certainty.argmax())
+    if certainty[number] >= 0.04:
         rows, where = pixel_features(planes, shapes[number], float(certainty[number]))
         marked_by_pixel = np.zeros(where.shape, np.float32)
         marked_by_pixel[where] = parts["pixel"](rows)
