@@ -19,6 +19,7 @@ from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.opencv import spread_small, with_diffused_depth
 from dlama.inpainters.patchmatch.completion import complete_picture
 from dlama.models.network_file import make_room
+from dlama.perception.resampling import shrink_color
 
 GUESS_SIDE = 768
 """Longer side in pixels of the picture that the painter sees: detail comes from patches."""
@@ -70,7 +71,7 @@ def blend_with_guess(
     height, width = there.shape
     by = min(1.0, GUESS_SIDE / max(hole.shape))
     size = max(1, round(width * by)), max(1, round(height * by))
-    first, second = (shrink(colors[box], size) for colors in (painted, guess))
+    first, second = (shrink_color(colors[box], size[::-1]).astype(np.float32) for colors in (painted, guess))
     if guess_share is not None:
         share = np.full(size[::-1], guess_share, np.float32)
     else:
@@ -98,11 +99,6 @@ def weigh_guess(painted: Float32Array, guess: Float32Array, smooth: Float32Array
         return np.float32(0.5) * np.minimum(blurred_difference(guess, painted) / DIFFERS, 1)
     mine, others = (DISTANCE + blurred_difference(colors, smooth) for colors in (painted, guess))
     return np.minimum(blurred_difference(guess, painted) / NETWORK_DIFFERS, 1) * np.minimum(mine / others, 1)
-
-
-def shrink(picture: UInt8Array, wh: tuple[int, int]) -> Float32Array:
-    """A picture at a size (width, height) that is no larger than its own."""
-    return cv2.resize(picture, wh, interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
 def blurred_difference(first: Float32Array, second: Float32Array) -> Float32Array:
