@@ -39,7 +39,7 @@ def write_bag(
     kind: str,
     packing: str = "raw",
     depth_frame: str = OPTICAL,
-    poses: bool = True,
+    mover: str | None = BODY,
     info: bool = True,
     count: int = 4,
 ) -> Path:
@@ -52,9 +52,9 @@ def write_bag(
             bag.info("/camera/aligned_depth_to_color/camera_info", depth_frame, LENS)
         for number, frame in enumerate(truth()[:count]):
             seconds = 10 + number / 10
-            if poses:
+            if mover:
                 body = frame.camera.world_from_cam @ invert_pose(OPTICAL_IN_BODY)
-                bag.transform("/tf", ROOT, BODY, seconds, body)
+                bag.transform("/tf", ROOT, mover, seconds, body)
             bag.image("/camera/infra1/image_rect_raw", "infra", seconds, frame.color[..., 0].copy(), "mono8")
             codes = np.rint(frame.depth * 1000).astype(np.uint16)
             codes[0, :2] = 0
@@ -140,10 +140,15 @@ def test_poses_between_two_transforms_are_interpolated() -> None:
 
 def test_what_a_bag_lacks_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """One line each: no moving transform, no camera_info, no transform to the depth camera, no depth, no bag."""
-    frames = open_frames(write_bag(tmp_path / "still.bag", "ros1", poses=False))
-    still = "holds no moving transform (/tf): the camera is taken as standing still"
-    assert len(frames) == 4 and still in caplog.text
-    assert any(still in found.what for found in diagnose(tmp_path / "still.bag"))
+    still = f"holds no moving transform (/tf) of the camera's frame '{OPTICAL}': the camera is taken as standing still"
+    for mover in (
+        None,
+        "wheel",
+    ):  # of a robot, whose camera does not move with it, or by frames that are not in the bag
+        caplog.clear()
+        frames = open_frames(write_bag(tmp_path / f"{mover}.bag", "ros1", mover=mover))
+        assert len(frames) == 4 and still in caplog.text
+    assert any(still in found.what for found in diagnose(tmp_path / "wheel.bag"))
     with pytest.raises(FileError, match=r"a.bag, /camera/color/image_raw: has no camera_info next to it"):
         open_frames(write_bag(tmp_path / "a.bag", "ros1", info=False, count=1))
     with pytest.raises(

@@ -205,17 +205,16 @@ class Transforms:
             track.poses.append(matrix)
             track.fixed = fixed
 
-    @property
-    def moves(self) -> bool:
-        """Whether any transform changes with time."""
-        return any(not track.fixed for track in self.tracks.values())
-
     def chain(self, frame: str) -> list[str]:
         """A frame and the frames above it, up to the root."""
         found = [frame.lstrip("/")]
         while (track := self.tracks.get(found[-1])) is not None and track.parent not in found:
             found.append(track.parent)
         return found
+
+    def moves(self, frame: str) -> bool:
+        """Whether a frame changes its place in the root with time."""
+        return any(not self.tracks[name].fixed for name in self.chain(frame)[:-1])
 
     def root_from(self, frame: str, time: float) -> Float64Array | None:
         """The pose of a frame in the root of its tree; None where a transform is missing at that time."""

@@ -61,9 +61,13 @@ def list_frames(path: Path) -> Listed:
     bag = open_bag(path)
     color, depth = bag.pair()
     lens, depth_lens = bag.lens(color), bag.lens(depth)
-    transforms, moves = bag.transforms, bag.transforms.moves
-    if not moves:
-        LOG.warning("%s: holds no moving transform (/tf): the camera is taken as standing still", path)
+    transforms = bag.transforms
+    if not transforms.moves(color.frame):
+        LOG.warning(
+            "%s: holds no moving transform (/tf) of the camera's frame '%s': the camera is taken as standing still",
+            path,
+            color.frame,
+        )
     matched, of_depth = times_to_match(color, depth)
     for number, stamp in enumerate(color.stamps.tolist()):
         name = f"{number:06d}"
