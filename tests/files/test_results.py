@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from plyfile import PlyData
 
 from box_frame import WORLD, pixels
@@ -177,6 +178,18 @@ def test_unknown_results_list_the_known(
         write(removal, tmp_path / "out", **options)
     assert not (tmp_path / "out").exists()
     assert check_results("image,depth", "scene") == check_results(["image", "depth"], ["scene"])
+
+
+def test_the_mask_that_is_written_is_one_of_the_picture(removal: Completion, tmp_path: Path) -> None:
+    """Round trip of a mask as PIL has it; 255 in bytes became 1, and one of another size was written as it is."""
+    mask = np.zeros(CAMERA.hw, bool)
+    mask[5:9, 5:9] = True
+    write(removal, tmp_path / "mask", only=["mask"], mask=Image.fromarray(mask))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(pixels(tmp_path / "mask" / "mask.png"), 255 * mask)
+    for wrong in (mask[1:], 255 * mask.astype(np.uint8), 3):
+        with pytest.raises(InputError, match="mask is"):
+            write(removal, tmp_path / "out", also="mask", mask=wrong)  # type: ignore[arg-type]
+    assert not (tmp_path / "out").exists()
 
 
 def test_no_result_replaces_an_input(removal: Completion, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from dlama.files.scenes import scene_npz as scenes
 from dlama.geometry.codes import Origin
 from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.frames.thinning import thin_scene
+from dlama.geometry.holes import check_mask
 from dlama.geometry.projection import round_depth
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
@@ -84,16 +85,17 @@ def write(
         mask: H x W of the removed object, True = removed; what "mask" writes as mask.png.
 
     Raises:
-        InputError: a name in `only` or `also` that is not known, or "mask" without one.
+        InputError: a name in `only` or `also` that is not known, or "mask" without one; MaskError: that is none of the picture.
         OutputError: the directory cannot be written, or a result would replace one of `inputs`.
         FileError: an input cannot be read.
     """
     check_arguments(write, locals())
     names = check_results(only, also)
-    if "mask" in names and mask is None:
-        raise InputError(
-            f"`{'also' if 'mask' in also else 'only'}` names mask, and `mask` is not given; bool H x W is expected"
-        )
+    if "mask" in names:
+        if mask is None:
+            option = "also" if "mask" in also else "only"
+            raise InputError(f"`{option}` names mask, and `mask` is not given; bool H x W is expected")
+        mask = check_mask(mask, completion.source.camera.hw)
     target, started, inputs = Path(directory), time.perf_counter(), inputs or {}
     files = file_names(completion, names)
     check_inputs_stay(target, files, inputs)
