@@ -7,7 +7,7 @@ import functools
 import hashlib
 import json
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +86,6 @@ def describe(value: Any) -> Any:
         return _describe_file(value)
     if isinstance(value, np.ndarray):
         return [str(value.dtype), list(value.shape), hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, Mapping):
-        return dict(value)
-    if isinstance(value, (set, frozenset)):
-        return sorted(map(short_hash, value))
     if isinstance(value, functools.partial):
         return ["call", value.func, value.args, value.keywords]
     if hasattr(value, "__qualname__"):  # a function or a class
