@@ -182,13 +182,15 @@ def divide_into_cells(
 def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Labels:
     """H x W: the label of every pixel that shows its surface's own colour, UNTRUSTED elsewhere.
 
-    Trusted pixels are two pixels from holes and nearer surfaces; closer ones count where too few are left (FEW, SHARE_LEFT).
+    Trusted pixels are two pixels from holes and nearer surfaces; closer ones count where too few are left (FEW, SHARE_LEFT), but
+    for those of the sky: between leaves they are mixed, and the scene knows its colour.
     """
     trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, np.int8(UNTRUSTED))
     needed, known = count_labels(label, hole), count_labels(label, ~hole)
     for reach in (1, 0):
         enough = count_labels(trusted, ~hole) > np.maximum(FEW, SHARE_LEFT * known)
         missing = np.flatnonzero((needed > 0) & ~enough) + UNTRUSTED
+        missing = missing[missing != SKY]
         if len(missing):
             near = is_one_of(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
             trusted[near] = label[near]
