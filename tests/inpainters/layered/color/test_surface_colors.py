@@ -116,6 +116,17 @@ def test_sky_continues_what_the_view_shows_of_it(known_rows: int) -> None:
     assert (out[hole] == ((138, 158, 188) if known_rows else (150, 170, 200))).all()
 
 
+def test_sky_between_leaves_does_not_tell_its_colour() -> None:
+    """Law: where a view shows its sky only in single pixels between leaves, mixed with them, the scene's colour is taken."""
+    w, leaf = np.zeros((96, 128), np.float32), np.zeros((96, 128), bool)
+    leaf[::2, :64] = leaf[:, :64:2] = True
+    w[leaf] = 0.2
+    color = np.where(leaf[..., None], np.array([30, 90, 20], np.uint8), np.array([70, 110, 90], np.uint8))
+    hole = np.indices(w.shape)[1] >= 64
+    filled = spread_colors(color, hole, w, np.where(leaf, -1, 0).astype(np.int8), sky=np.array([105.0, 128, 157]))
+    assert (filled[hole] == (105, 128, 157)).all()
+
+
 def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():
     """Definition: a hole labelled with a plane that has no known pixel is coloured by the known at like depth."""
     w, label = np.full((64, 64), 0.25, np.float32), np.ones((64, 64), np.int8)

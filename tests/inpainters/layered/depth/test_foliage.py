@@ -15,6 +15,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Inpainter, inpaint
 from dlama.inpainters.layered.depth.cut_objects import CutObjects
 from dlama.inpainters.layered.depth.foliage import copy_leaves, solid
+from dlama.inpainters.layered.depth.surfaces import continue_surfaces
 from dlama.inpainters.layered.depth_first import paint_over_depth
 from dlama.inpainters.layered.filler import layered
 from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, RIM, RIM_BUMPS, UNDECIDED, quilt
@@ -50,6 +51,15 @@ def test_a_bush_continues_with_its_own_leaves_whoever_paints(filler: Inpainter) 
     np.testing.assert_allclose(done.color[unseen & inner & leaf].mean(0), GREEN, atol=8)
     np.testing.assert_allclose(done.color[unseen & inner & leaf].std(0), view.color[~unseen & bush].std(0), rtol=0.3)
     assert done.color[unseen & ~outer].mean() > 150
+
+
+@pytest.mark.parametrize("seen", [False, True])
+def test_an_object_that_the_source_shows_whole_does_not_extend(seen: bool) -> None:
+    """Visibility law: where a camera measured the wall right of the bush, no leaf is copied before it."""
+    view, _ = bush_before_a_wall()
+    wall = np.where(view.hole, 8, view.depth).astype(np.float32)
+    context = FillContext(Law(((CAMERA, wall),) if seen else ()))
+    assert (continue_surfaces(view, context).leaves.size == 0) == seen
 
 
 def objects_of(number: np.ndarray, circle: tuple[float, float, float], w: float = 0.33) -> CutObjects:

@@ -20,6 +20,7 @@ from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import find_cut_objects
 from dlama.inpainters.layered.depth.foliage import copy_leaves
@@ -83,7 +84,7 @@ def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfac
         view = view.with_known_depth(depth_from_inverse(known.inverse_depth), by_color.reached)
     coarse = sample_grid(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
     leaves = begin_job(copy_leaves, view, known.inverse_depth, coarse.cut, seed)
-    return upsample_labels(view, known, coarse, coarse.label_costs(context), leaves)
+    return upsample_labels(view, known, coarse, coarse.label_costs(context), leaves, context.law)
 
 
 def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = False) -> CoarseView:
@@ -113,9 +114,11 @@ def upsample_labels(
     coarse: CoarseView,
     costs: Float32Array,
     leaves_of: Callable[[], NDArray[np.intp]],
+    law: Law,
 ) -> Surfaces:
     """Label costs (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
-    Foliage covers it where it extends. known: its planes of pixels are taken over; leaves_of: gives `copy_leaves`.
+    Foliage covers it where it extends and `law` has room for it: an object seen whole is not cut, wherever its background ends.
+    known: its planes of pixels are taken over; leaves_of: gives `copy_leaves`.
     """
     places, hw = np.flatnonzero(view.hole), view.hole.shape
     spread = fill_with_nearest(costs, coarse.hole)
@@ -136,5 +139,9 @@ def upsample_labels(
     pixels, leaves = leaves_of()
     nearer = out[leaves] > out[pixels]
     pixels, leaves = pixels[nearer], leaves[nearer]
+    extended = np.zeros(hw, np.float32)
+    extended.ravel()[pixels] = depth_from_inverse(out[leaves])
+    lawful = ~law.violations(view.camera, extended, extended > 0).ravel()[pixels]
+    pixels, leaves = pixels[lawful], leaves[lawful]
     out[pixels], label[pixels] = out[leaves], SMOOTH
     return Surfaces(known.inverse_depth, known.label, known.planes, np.stack([pixels, leaves]))
