@@ -110,6 +110,10 @@ def test_meta_says_it_and_bad_values_are_refused(completions: tuple[dlama.Comple
     assert sure.meta["min_confidence"] == LEAST and "min_confidence" not in whole.meta
     assert sure.meta["left_open_share"] == [round(float(sure.view.hole.mean()), 6)]
     assert whole.with_min_confidence(0) is whole
+    by_steps = whole.with_min_confidence(LEAST / 2).with_min_confidence(LEAST)
+    for other in (by_steps, by_steps.with_min_confidence(LEAST / 2)):  # what is open stays open
+        assert other.meta["min_confidence"] == LEAST
+        assert other.meta["left_open_share"] == pytest.approx([other.view.hole.mean()], abs=2e-6)
     for wrong in (-0.1, 1.5, float("nan")):
         with pytest.raises(InputError, match=f"min_confidence is {wrong}; a probability from 0 to 1 is expected"):
             whole.with_min_confidence(wrong)

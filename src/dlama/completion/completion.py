@@ -16,12 +16,13 @@ from dlama.geometry.figures.html import Figured, Panel
 from dlama.geometry.figures.show import show_html
 from dlama.geometry.frames.stored import BoxedView, Layer, StoredView
 from dlama.geometry.fusion import scene_cloud, scene_mesh
-from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rgbd import Float32Array, select
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.perception.stereo.agreement import StereoConsistency
 
 C = TypeVar("C", bound="Completion")
+S = TypeVar("S", bound="StereoCompletion")
 MOST_VIEWS = 3
 """Shown in a notebook of a completion with several views."""
 
@@ -90,8 +91,12 @@ class Completion(Figured):
         if check_confidence(min_confidence) == 0:
             return self
         views = tuple(above_confidence(view, min_confidence) for view in self.views)
+        before = self.meta.get("left_open_share", [0.0] * len(views))
         opened = [float((new.hole & ~old.hole).mean()) for new, old in zip(views, self.views)]
-        meta = self.meta | {"min_confidence": min_confidence, "left_open_share": [round(share, 6) for share in opened]}
+        meta = self.meta | {
+            "min_confidence": max(min_confidence, self.meta.get("min_confidence", 0.0)),  # what is open stays open
+            "left_open_share": [round(open_before + share, 6) for open_before, share in zip(before, opened)],
+        }
         return replace(self, views=views, scene=scene_above(self.scene, min_confidence), meta=meta)
 
     @cached_property
@@ -115,11 +120,22 @@ class StereoCompletion(Completion):
     """A completion whose two views are the left and the right of a pair."""
 
     disparity_left: Float32Array
-    """H x W px of the completed left view; far is -doffs of the rig, 0 in most."""
+    """H x W px of the completed left view, 0 = unknown; far is -doffs of the rig, 0 in most."""
     disparity_right: Float32Array
     """H x W px of the completed right view, far as in the left one."""
     agreement: StereoConsistency
-    """How well the two completed views agree, over the whole picture."""
+    """How well the two completed views agree, over the whole picture, before any of it is left open."""
+
+    def with_min_confidence(self: S, min_confidence: float) -> S:
+        """As of `Completion`; what is left open has no disparity either (0)."""
+        done = super().with_min_confidence(min_confidence)
+        if done is self:
+            return self
+        left, right = (
+            select(disparity, ~view.hole)
+            for disparity, view in zip((done.disparity_left, done.disparity_right), done.views)
+        )
+        return replace(done, disparity_left=left, disparity_right=right)
 
 
 def scene_above(scene: Scene, min_confidence: float) -> Scene:

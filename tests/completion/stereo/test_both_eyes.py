@@ -160,6 +160,16 @@ def test_the_points_behind_a_removed_object_are_in_the_cloud() -> None:
     assert abs(done.background.points[:, 2] - 4).max() < 0.2
 
 
+def test_what_is_left_open_has_no_disparity() -> None:
+    """Law: disparity is known where depth is; the pair without a least confidence is itself."""
+    whole = completed(removing=True)
+    assert whole.with_min_confidence(0) is whole
+    done = whole.with_min_confidence(0.99)
+    for view, disparity in zip(done.views, (done.disparity_left, done.disparity_right)):
+        assert view.hole.any()
+        np.testing.assert_array_equal(disparity != 0, view.valid)
+
+
 def test_the_gain_of_two_exposures() -> None:
     """Closed form: a right picture 0.8 times as bright is brought back by 1.25, but for rounding; one alike by exactly 1."""
     for brighter in (0.8, 1.0):
