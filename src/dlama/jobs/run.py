@@ -194,9 +194,8 @@ class _Run:
         if not row.kept:
             before = self.manifest.find(row.id)
             if self.packer is not None and before is not None:
-                row = replace(
-                    row, replaces=before.replaces or (before.folder if before.folder.endswith(".tar") else "")
-                )
+                staged = before.folder.startswith(STAGED)  # the new result takes its place
+                row = replace(row, replaces=before.replaces or ("" if staged else before.folder))
             self.manifest.add(row)
         if self.packer is not None:
             self.packer.add(row)

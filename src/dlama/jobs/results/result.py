@@ -54,7 +54,7 @@ class JobResult:
     trace: str = ""
     """Of an error that dlama does not know, where it came from."""
     replaces: str = ""
-    """The tar shard that holds an earlier result, until this one is packed."""
+    """The tar shard, or the folder, that holds an earlier result, until this one is packed."""
     kept: bool = False
     """An earlier run had done it."""
     schema: int = SCHEMA

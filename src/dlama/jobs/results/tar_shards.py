@@ -27,6 +27,11 @@ def key_of(name: str) -> str:
     return name.replace("%", "%25").replace(".", "%2E")
 
 
+def is_shard(folder: str) -> bool:
+    """Whether a row's folder is the shard that holds its result."""
+    return folder.startswith(f"{FOLDER}/")
+
+
 @dataclass
 class Packer:
     """Takes results as they end and packs each N of them. A result that is packed no longer lies in its folder."""
@@ -39,20 +44,22 @@ class Packer:
     def add(self, row: JobResult) -> None:
         """A result that lies in no shard, of this run or an earlier one; OutputError where the shard that is full now cannot be
         written."""
-        if row.status == "done" and not row.folder.startswith(f"{FOLDER}/"):
+        if row.status == "done" and not is_shard(row.folder):
             self.waiting.append(row)
             if len(self.waiting) >= self.size:
                 self.pack()
 
     @system_errors(OutputError)
     def pack(self) -> None:
-        """All that wait into one shard. Samples that they replace leave their old shards first; the rows follow last."""
+        """All that wait into one shard. What they replace goes first, from its shard or with its folder; rows follow last."""
         if not self.waiting:
             return
         replaced: dict[str, set[str]] = {}
         for row in self.waiting:
-            if row.replaces:
+            if is_shard(row.replaces):
                 replaced.setdefault(row.replaces, set()).add(key_of(row.id))
+            elif row.replaces and self.output.has(row.replaces):
+                self._remove(row.replaces)
         for shard, keys in replaced.items():
             self._leave_out(shard, keys)
         name = f"{FOLDER}/{self._next():06d}.tar"
@@ -60,7 +67,7 @@ class Packer:
         for row in self.waiting:
             self.manifest.add(dataclasses.replace(row, folder=name, replaces=""))
         for row in self.waiting:
-            self._remove(row)
+            self._remove(row.folder)
         self.waiting = []
 
     def _members(self, row: JobResult) -> Iterator[tuple[str, bytes]]:
@@ -102,11 +109,11 @@ class Packer:
         shards = (Path(name) for name in self.output.names(FOLDER))
         return 1 + max((int(one.stem) for one in shards if one.suffix == ".tar" and one.stem.isdigit()), default=-1)
 
-    def _remove(self, row: JobResult) -> None:
-        self.output.remove(row.folder)
+    def _remove(self, result: str) -> None:
+        self.output.remove(result)
         if self.output.is_remote:
             return
-        for folder in Path(self.output.of(row.folder)).parents:  # of ids with slashes; OUT itself has the manifest
+        for folder in Path(self.output.of(result)).parents:  # of ids with slashes; OUT itself has the manifest
             if folder == Path(self.output.of("")) or any(folder.iterdir()):
                 break
             folder.rmdir()
