@@ -27,6 +27,18 @@ def test_stages_come_in_order_and_go_to_the_innermost(tmp_path: Path) -> None:
     assert sorted(outer) == ["write depth.exr", "write depth.png", "write image.png"]
 
 
+def test_the_callback_may_call_dlama() -> None:
+    """Law: its own work is reported to nobody; it called itself without end."""
+    stages: list[str] = []
+
+    def look(stage: str) -> None:
+        stages.append(stage)
+        dlama.view(FRAME, yaw=3, filler="telea")
+
+    dlama.view(FRAME, yaw=3, filler="telea", progress=look)
+    assert stages.count("render") == 1
+
+
 def test_many_frames_are_counted_as_they_are_read() -> None:
     """`scene` and `align_frames` say which frame they are at."""
     frames, read, compared = [FRAME, WORLD.rgbd(dlama.orbit(CAMERA, 3))], list[str](), list[str]()

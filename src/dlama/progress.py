@@ -28,10 +28,14 @@ def show_progress(progress: Progress | None) -> Iterator[None]:
 
 
 def begin_stage(name: str) -> None:
-    """A stage of the work begins."""
+    """A stage of the work begins. What the callback itself has dlama do is reported to nobody: it would call itself."""
     progress = _CALLBACK.get()
     if progress is not None:
-        progress(name)
+        before = _CALLBACK.set(None)
+        try:
+            progress(name)
+        finally:
+            _CALLBACK.reset(before)
 
 
 def take_progress(verb: F) -> F:

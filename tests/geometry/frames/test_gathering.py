@@ -80,10 +80,12 @@ def test_duplicates_are_named_and_left_out() -> None:
 
 
 def test_what_cannot_be_a_scene_is_refused() -> None:
-    """No frames, two sizes, no depth, a function that reads none, no overlap: one line each."""
+    """No frames, a name twice, two sizes, no depth, a function that reads none, no overlap: one line each."""
     given = frames()
     with pytest.raises(InputError, match="frames is empty"):
         scene([])
+    with pytest.raises(InputError, match="names has 'left' twice"):
+        scene(given[:3], names=["left", "right", "left"])
     small = WORLD.rgbd(Camera.from_fov(48, 36, 60))
     with pytest.raises(ShapeError, match="frame 1 is 48x36 and frame 0 96x72"):
         scene([given[0], small])
@@ -96,3 +98,10 @@ def test_what_cannot_be_a_scene_is_refused() -> None:
     behind = RGBD(away.color, np.full(LENS.hw, 2.0, np.float32), away.camera)
     with pytest.raises(InputError, match="no two of the 2 frames show the same surfaces"):
         scene([given[2], behind])
+
+
+def test_a_further_frame_has_a_name_of_its_own() -> None:
+    """Law: files are called by names; that of its number may be taken."""
+    given = frames()
+    many = scene(given[:2], names=["frame-0001", "frame-0002"]).with_frame(given[2])
+    assert many.names == ("frame-0001", "frame-0002", "frame-0003") and many.numbers == (0, 1, 2)

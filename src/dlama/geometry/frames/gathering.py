@@ -6,8 +6,10 @@ One more frame for a scene in; the scene with it out, also where it was filled o
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import count
 
 import numpy as np
 
@@ -63,7 +65,7 @@ def scene(
         names: What messages and files call them (`Scene.names`); by default they have their numbers.
         progress: Called with the name of each stage as it begins; what it raises ends the work.
     Raises:
-        InputError: no frame, frames of different sizes (ShapeError), or of which no two show the same surfaces.
+        InputError: no frame, a name twice, frames of different sizes (ShapeError), or of which no two show the same surfaces.
     """
     check_arguments(scene, locals())
     called = [f"frame {number}" for number in range(len(frames))] if names is None else list(names)
@@ -71,6 +73,8 @@ def scene(
         raise InputError("`frames` is empty; one posed RGB-D frame or more is expected")
     if len(called) != len(frames):
         raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are expected")
+    if twice := [name for name, times in Counter(called).items() if times > 1]:
+        raise InputError(f"names has {twice[0]!r} twice; a name of its own is expected for each frame")
     cache, views = PixelCache(), list[Layer]()
     for number, (frame, name) in enumerate(zip(frames, called)):
         begin_stage(f"read frame {number + 1} of {len(frames)}")
@@ -204,7 +208,8 @@ def _share_agreeing(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) 
 def add_frame(scene: Scene, frame: FrameSource, find_removed: Callable[[Scene, View], BoolArray]) -> Scene:
     """As `Scene.with_frame`. find_removed: H x W, where a further frame shows what was removed from a scene."""
     numbers = (*scene.numbers, max(scene.numbers) + 1)
-    called, names = [f"frame {number}" for number in numbers], (*scene.names, name_of_number(numbers[-1]))
+    called = [f"frame {number}" for number in numbers]
+    names = (*scene.names, next(name for name in map(name_of_number, count(numbers[-1])) if name not in scene.names))
     added = open_view(frame, called[-1], cache_of(scene.frames))
     measured = gather_views([*scene.unfilled.frames, added], called)
     if len(scene.frames) not in measured.numbers:
