@@ -1,4 +1,4 @@
-"""A view from where the picture was taken is the picture: every pixel of it, by every filler, from every kind of input."""
+"""A view from where the picture was taken is the picture: every pixel of it, by every filler."""
 
 from __future__ import annotations
 
@@ -10,17 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_street import completed, recipes, street
 
-import dlama
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import target_camera, view
-from dlama.datasets.layouts import open_dataset
-from dlama.files.rasters.depth import write_depth_exr, write_depth_png
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters import FILLER_NAMES, FILLERS
 from dlama.inpainters.filling import Fill
-from dlama.worlds.writer import write_worlds
-from posed_folders import write_picture
 from tiny_networks import constant
 from whole_picture import check_same
 
@@ -89,29 +84,3 @@ def test_no_filler_changes_a_whole_picture(filler: str, tmp_path: Path) -> None:
 def test_every_filler_leaves_measured_pixels(filler: str, recipe: str) -> None:
     """Law: with depth missing in two places that depth alone is filled, and its colour stays."""
     check_same(completed(recipe, filler, removing=False, yaw=0.0), street(), RECIPES[recipe].clip or np.inf)
-
-
-@pytest.mark.parametrize("suffix", ["png", "npy", "npz", "exr"])
-def test_files_of_a_picture(suffix: str, tmp_path: Path) -> None:
-    """Law: what was read is what is seen, whatever file depth lay in; float files hold it as it is."""
-    true = street(sensor_holes=False)
-    write_picture(tmp_path / "color.png", true.color)
-    depth = tmp_path / f"depth.{suffix}"
-    {"png": write_depth_png, "npy": np.save, "npz": save_npz, "exr": write_depth_exr}[suffix](depth, true.depth)
-    frame = dlama.read_rgbd(tmp_path / "color.png", depth, camera=true.camera)
-    np.testing.assert_array_equal(frame.color, true.color)
-    if suffix != "png":
-        np.testing.assert_array_equal(frame.depth, true.depth)
-    check_same(view(frame, filler=refuse), frame)
-
-
-def save_npz(path: Path, depth: np.ndarray) -> None:
-    np.savez(path, depth=depth)
-
-
-def test_frames_of_an_easysynth_folder(tmp_path: Path) -> None:
-    """Law; posed layouts are held to it where their readers are tested (posed_folders.py)."""
-    write_worlds(tmp_path, count=1, size=48, seed=3)
-    for frame in open_dataset(tmp_path).frames[:4]:
-        read = frame.load()
-        check_same(view(read, filler=refuse), read)

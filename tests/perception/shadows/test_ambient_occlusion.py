@@ -16,9 +16,8 @@ from dlama.perception.shadows.ground import (
     find_ground,
     measure_object,
     object_points,
-    surface_axes,
 )
-from dlama.perception.shadows.lit_surface import ambient_occlusion, measure_darkness, sky_directions
+from dlama.perception.shadows.lit_surface import ambient_occlusion, measure_darkness
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(320, 240, 90)
@@ -53,17 +52,6 @@ def test_before_a_wide_wall() -> None:
         true = (1 - apart[some] / np.hypot(apart[some], 0.9)) / 2
         assert some.sum() > 100
         assert hidden[some].mean() == pytest.approx(true.mean(), abs=0.035)
-
-
-def test_directions_carry_the_cosine_law() -> None:
-    """Closed form: under the cosine law the mean cosine to the vertical is 2 / 3, its mean square 1 / 2; all round it is even."""
-    up = np.array([0.1, -0.9, 0.2]) / np.linalg.norm([0.1, -0.9, 0.2])
-    over = sky_directions(up)
-    cosine = 1 / np.sqrt(1 + (over**2).sum(1))
-    assert np.abs(over @ up).max() < 1e-9
-    assert cosine.mean() == pytest.approx(2 / 3, abs=0.01) and (cosine**2).mean() == pytest.approx(1 / 2, abs=0.01)
-    across, behind = surface_axes(up)
-    assert np.abs((over * cosine[:, None]).mean(0) @ np.stack([across, behind], 1)).max() < 0.03
 
 
 def test_the_lit_surface_of_an_overcast_day() -> None:

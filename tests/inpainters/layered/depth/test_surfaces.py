@@ -7,7 +7,6 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
-from dlama.geometry.holes import shrink_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -107,24 +106,6 @@ def test_belief_propagation_on_a_tree_is_exact(shape: list[str], seed: int) -> N
             got[row, column] - got[row, column].min(), exact[row, column] - exact[row, column].min(), atol=1e-5
         )
     np.testing.assert_array_equal(got[~hole], 0)
-
-
-def test_coarse_cells_that_touch_the_hole() -> None:
-    """Closed form: a hole one pixel wide is a hole on a grid four times as coarse."""
-    hole = np.zeros((16, 24), bool)
-    hole[:, 9] = True
-    expected = np.zeros((4, 6), bool)
-    expected[:, 2] = True
-    np.testing.assert_array_equal(shrink_mask(hole, (6, 4)) > 0, expected)
-
-
-def test_shrunk_camera_looks_the_same_way() -> None:
-    """Closed form: a pixel (u, v) is (u, v) / step there, on the same ray."""
-    camera = Camera(64, 48, 60, 55, 30, 25)
-    small = camera.with_larger_pixels(4.0)
-    assert small.hw == (12, 16)
-    np.testing.assert_allclose(small.K @ np.linalg.inv(camera.K) @ (20, 36, 1), (5, 9, 1))
-    assert Camera(1, 500, 60, 60, 0.5, 250).with_larger_pixels(500 / 256).wh == (1, 256)
 
 
 def test_angle_to_the_nearest_sky_that_was_seen() -> None:
