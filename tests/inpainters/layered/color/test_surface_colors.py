@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.inpainters.layered.color.surface_colors import GREY, SKY_COLOR, spread_colors, trusted_labels
-from dlama.inpainters.layered.kernels.cells import UNTRUSTED
+from dlama.inpainters.layered.color.surface_colors import GREY, SKY_COLOR, spread_colors
 
 
 def slanted_wall(size: int) -> np.ndarray:
@@ -135,16 +134,3 @@ def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():
     label[hole] = 9
     color = np.full((64, 64, 3), (10, 90, 30), np.uint8)
     assert (spread_colors(color, hole, w, label) == (10, 90, 30)).all()
-
-
-def test_leaves_may_be_copied_though_none_is_far_from_its_rim() -> None:
-    """Law: of leaves 3 px wide with cracks between them nothing is 2 px from a hole, so they are trusted nearer to it; of a broad
-    surface the margin stays."""
-    rows, columns = np.indices((96, 128))
-    bush = (rows < 60) & (columns >= 50)
-    leaves = bush & (rows % 8 < 3) & (columns % 8 < 3)
-    hole = (bush & ~leaves) | ((columns < 8) & (rows > 70))
-    label = np.where(bush, 2, 1).astype(np.int8)
-    trusted = trusted_labels(hole, np.where(bush, 0.5, 0.1).astype(np.float32), label)
-    assert (trusted[leaves] == 2).all()
-    assert (trusted[74:90, 20:40] == 1).all() and (trusted[74:, 8:10] == UNTRUSTED).all()

@@ -31,11 +31,8 @@ SCREEN = 0.002
 """Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
 NEARER = 1.1
 """Ratio of inverse depths from which a cell is nearer than what lies on no plane, and gives it no colour."""
-FEW, SHARE_LEFT = 100, 0.25
-"""Least number and share of a surface's pixels that must remain trusted; below, pixels nearer to occluders are trusted, too:
-leaves have no others."""
-COUNTED_ROWS = 256
-"""Rows that are counted at a time."""
+TRUSTED_PX = 2
+"""Least distance from holes and nearer surfaces of pixels that show their surface's own colour."""
 LONGER_SIDE = 256
 """Of the grid, in cells."""
 
@@ -172,43 +169,9 @@ def divide_into_cells(
     """The cells of arrays of one size (H x W), and the pixels along a side of each; what is `spoiled` counts only where all of
     its surface is."""
     size = max(1, -(-max(hole.shape) // LONGER_SIDE))
-    trusted = trusted_labels(hole, inverse_depth, label)
-    if spoiled.any():
-        left = np.flatnonzero(count_labels(trusted, ~spoiled)) + UNTRUSTED
-        trusted[spoiled & is_one_of(trusted, left)] = UNTRUSTED
+    trusted = np.where(trusted_sources(hole, inverse_depth, label, TRUSTED_PX), label, np.int8(UNTRUSTED))
+    for number in np.unique(trusted[spoiled]).tolist():
+        own = trusted == number
+        if (own & ~spoiled).any():
+            trusted[own & spoiled] = UNTRUSTED
     return shrink(color, inverse_depth, trusted, size), size
-
-
-def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Labels) -> Labels:
-    """H x W: the label of every pixel that shows its surface's own colour, UNTRUSTED elsewhere.
-
-    Trusted pixels are two pixels from holes and nearer surfaces; closer ones count where too few are left (FEW, SHARE_LEFT), but
-    for those of the sky: between leaves they are mixed, and the scene knows its colour.
-    """
-    trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, np.int8(UNTRUSTED))
-    needed, known = count_labels(label, hole), count_labels(label, ~hole)
-    for reach in (1, 0):
-        enough = count_labels(trusted, ~hole) > np.maximum(FEW, SHARE_LEFT * known)
-        missing = np.flatnonzero((needed > 0) & ~enough) + UNTRUSTED
-        missing = missing[missing != SKY]
-        if len(missing):
-            near = is_one_of(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
-            trusted[near] = label[near]
-    return trusted
-
-
-def count_labels(label: Labels, where: BoolArray) -> NDArray[np.int64]:
-    """How many pixels of `where` (H x W) have each label (H x W), from UNTRUSTED on."""
-    out = np.zeros(256, np.int64)
-    for first in range(0, len(label), COUNTED_ROWS):  # OpenCV gives float32, which counts to 16 million
-        codes, counted = (one[first : first + COUNTED_ROWS].view(np.uint8) for one in (label, where))
-        out += cv2.calcHist([codes], [0], counted, [256], [0, 256]).ravel().astype(np.int64)
-    return np.roll(out, -UNTRUSTED)
-
-
-def is_one_of(label: Labels, numbers: NDArray[np.int64]) -> BoolArray:
-    """H x W, True where the label (H x W) is one of the few `numbers`."""
-    out = np.zeros(label.shape, np.bool_)
-    for number in numbers.tolist():
-        out |= label == number
-    return out
