@@ -1,4 +1,4 @@
-"""Slow literal twin of the kernels of surface colours: grids in; trusted sources, means, bases and painted pixels out."""
+"""Slow literal twin of the kernels of surface colours: grids in; trusted sources, means, sums and relaxed cells out."""
 
 from __future__ import annotations
 
@@ -43,26 +43,6 @@ def pull(sums, weights):
     pad = [(0, n % 2) for n in weights.shape]
     sums, weights = np.pad(sums, [*pad, (0, 0)]), np.pad(weights, pad)
     return (sum(a[i::2, j::2] for i in (0, 1) for j in (0, 1)) for a in (sums, weights))
-
-
-def bilinear(grid, x, y):
-    """All channels of a grid at cell coordinates: the weighted mean of the four nearest cell centres, edges repeated."""
-    value = 0.0
-    for j, i in itertools.product(range(grid.shape[0]), range(grid.shape[1])):
-        px, py = np.clip(x, 0.5, grid.shape[1] - 0.5), np.clip(y, 0.5, grid.shape[0] - 0.5)
-        share = max(0.0, 1 - abs(px - i - 0.5)) * max(0.0, 1 - abs(py - j - 0.5))
-        value = value + share * grid[j, i].astype(float)
-    return value
-
-
-def push(sums, weights, coarser):
-    """Own mean where there is enough weight, the coarser grid's value where there is none, a mix between."""
-    out = np.zeros(sums.shape)
-    for y, x in itertools.product(*map(range, weights.shape)):
-        own = min(1.0, weights[y, x])
-        mean = sums[y, x] / weights[y, x] if weights[y, x] else 0
-        out[y, x] = own * mean + (1 - own) * bilinear(coarser, (x + 0.5) / 2, (y + 0.5) / 2)
-    return out
 
 
 def neighbours(y, x, shape):

@@ -15,8 +15,9 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.surfaces import Surfaces
-from dlama.inpainters.layered.kernels.cells import UNTRUSTED, Cells, Labels, pull, push, relax, shrink, trusted_sources
+from dlama.inpainters.layered.kernels.cells import UNTRUSTED, Cells, Labels, pull, relax, shrink, trusted_sources
 from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
+from dlama.inpainters.opencv import pull_push
 from dlama.perception.planes import SKY
 
 GREY = 128
@@ -149,16 +150,8 @@ def surface_base(grid: Cells, region: HoleRegion) -> Float32Array:
         np.asarray(cv2.GaussianBlur(a, (0, 0), BLUR_CELLS, borderType=cv2.BORDER_CONSTANT), np.float32)
         for a in (sums, weights)
     )
-    weights[weights < 1e-3] = 0
-    sums[weights == 0] = 0
-    ladder = [(sums, weights)]
-    while max(ladder[-1][1].shape) > 1:
-        ladder.append(pull(*ladder[-1]))
-    top, top_weight = ladder.pop()
-    value = (top / np.maximum(top_weight, np.float32(1e-9))[..., None]).astype(np.float32)
-    mean = value[0, 0].astype(np.float64)
-    for level in reversed(ladder):
-        value = push(*level, value)
+    value = pull_push(sums / np.maximum(weights, np.float32(1e-9))[..., None], weights > 1e-3)
+    mean = grid.color[region.sources].mean(0, np.float64)
     relax(value, usable, cells[~known.ravel()[cells]], mean, SCREEN, 40)
     return value
 

@@ -120,14 +120,6 @@ def pull(sums: Float32Array, weights: Float32Array) -> tuple[Float32Array, Float
     return up, upw
 
 
-def push(sums: Float32Array, weights: Float32Array, coarser: Float32Array) -> Float32Array:
-    """Cells with little weight take the coarser grid's value (bilinear), the others their own mean."""
-    rows, cols = weights.shape
-    larger = cv2.resize(coarser, (2 * coarser.shape[1], 2 * coarser.shape[0]))[:rows, :cols]
-    own = np.minimum(weights, 1)[..., None]
-    return np.asarray((1 - own) * larger + own * sums / np.maximum(weights, np.float32(1e-9))[..., None], np.float32)
-
-
 @kernel
 def relax(
     base: Float32Array, usable: BoolArray, cells: NDArray[np.int64], mean: Float32Array, screen: Real, sweeps: Whole
