@@ -186,7 +186,7 @@ def test_disparity_there_and_back(tmp_path: Path) -> None:
 
 
 def test_disparity_of_other_kinds(tmp_path: Path) -> None:
-    """Oracle: KITTI's value / 256, Middlebury 2003's value / 4."""
+    """Oracle: KITTI's value / 256, Middlebury 2003's value / 4; of floats the rig knows what a negative one is."""
     cv2.imwrite(str(tmp_path / "kitti.png"), np.array([[0, 256, 640]], np.uint16))
     cv2.imwrite(str(tmp_path / "cones.png"), np.array([[0, 4, 10]], np.uint8))
     np.savez(tmp_path / "d.npz", disparity=np.array([[np.inf, 1, 2.5]], np.float32), other=np.zeros(1))
@@ -195,7 +195,9 @@ def test_disparity_of_other_kinds(tmp_path: Path) -> None:
     assert read_disparity(tmp_path / "d.npz").tolist() == [[0, 1, 2.5]]
     with pytest.raises(DepthError, match=r"8-bit numbers.*disparity_scale"):
         read_disparity(tmp_path / "cones.png")
-    np.save(tmp_path / "n.npy", np.array([[-1.0, 2]]))
+    np.save(tmp_path / "f.npy", np.array([[-1.0, 2]]))
+    assert read_disparity(tmp_path / "f.npy").tolist() == [[-1, 2]]
+    np.save(tmp_path / "n.npy", np.array([[-16, 32]], np.int16))
     np.save(tmp_path / "z.npy", np.array([[np.inf, 0]]))
     with pytest.raises(DepthError, match="1 of 2 disparity values are negative"):
         read_disparity(tmp_path / "n.npy")

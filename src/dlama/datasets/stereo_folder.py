@@ -20,6 +20,7 @@ from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_disparity
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.projection import known_disparity
 from dlama.geometry.rgbd import Float32Array
 
 NOMINAL_BASELINE_M = 0.16
@@ -79,15 +80,15 @@ def load_stereo(
         fields = read_json_fields(calib)
         rig, metric = _rig(fields, hw)
         scale = fields.number("disparity_scale") if "disparity_scale" in fields else None
-    disparity = _disparity(disparity_left, scale, hw)
-    other = None if disparity_right is None else _disparity(disparity_right, scale, hw)
+    disparity = _disparity(disparity_left, scale, rig)
+    other = None if disparity_right is None else _disparity(disparity_right, scale, rig)
     return StereoTruth(*pair, rig, disparity, other, metric=metric)
 
 
-def _disparity(path: Path, scale: float | None, hw: tuple[int, int]) -> Float32Array:
+def _disparity(path: Path, scale: float | None, rig: StereoRig) -> Float32Array:
     disparity = read_disparity(path, scale=scale)
-    check_same_size(f"{path}:", disparity.shape, "the left picture", hw)
-    return disparity
+    check_same_size(f"{path}:", disparity.shape, "the left picture", rig.left.hw)
+    return known_disparity(disparity, rig)
 
 
 def _rig(fields: FileFields, hw: tuple[int, int]) -> tuple[StereoRig, bool]:

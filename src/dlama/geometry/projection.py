@@ -43,6 +43,16 @@ def depth_from_disparity(disparity: ArrayLike, rig: StereoRig) -> Float32Array:
     return depth
 
 
+def known_disparity(disparity: Float32Array, rig: StereoRig) -> Float32Array:
+    """Pixels, float32 of the same shape; 0 (missing) where it is not finite or lies behind the cameras, as the -1 of OpenCV's
+    matchers does. With doffs -1 may be far: one negative number alone is such a code, unless it is that of infinity."""
+    found = np.where(np.isfinite(disparity), disparity, 0).astype(np.float32)
+    negative = found[found < 0]
+    if negative.size and negative.min() == negative.max() != np.float32(-rig.doffs):
+        found[found < 0] = 0
+    return np.where(depth_from_disparity(found, rig) > 0, found, np.float32(0))
+
+
 def disparity_from_depth(depth: ArrayLike, rig: StereoRig) -> Float32Array:
     """Disparity in pixels, float32 of the same shape: d = fx * baseline / Z - doffs; 0 = missing.
 

@@ -4,6 +4,7 @@ pair: what matching gets wrong on and next to the object does not reach the back
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -22,6 +23,7 @@ from dlama.completion.stereo.pair import (
 )
 from dlama.completion.stereo.stereo import stereo
 from dlama.errors import DepthError, InputError
+from dlama.files.rasters.depth import read_disparity, write_disparity_pfm
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.codes import HoleType
 from dlama.geometry.holes import dilate_mask
@@ -205,9 +207,10 @@ def test_bad_matches_on_and_next_to_the_object_do_not_reach_the_wall(filler: str
     assert done.meta["law_violations"] == 0
 
 
-def test_a_pair_cropped_apart_has_the_depth_of_the_whole_one() -> None:
+def test_a_pair_cropped_apart_has_the_depth_of_the_whole_one(tmp_path: Path) -> None:
     """Closed form: without the left columns of the left picture and the right ones of the right one every disparity is smaller
-    by their number, which doffs says, and negative where the scene is far; depth stays, and so does the doubt (none)."""
+    by their number, which doffs says, and negative where the scene is far; depth stays, and so does the doubt (none). Round trip:
+    the disparity that is written gives this depth again; numbers below 0 were refused."""
     folder = dlama.example()
     pictures = [
         cv2.resize(dlama.read_color(folder / name), (256, 256), interpolation=cv2.INTER_AREA)
@@ -227,3 +230,30 @@ def test_a_pair_cropped_apart_has_the_depth_of_the_whole_one() -> None:
     both = (expected > 0) & (expected < np.inf) & (found > 0) & (found < np.inf)
     assert both.mean() > 0.9 * ((expected > 0) & (expected < np.inf)).mean()
     assert (np.abs(found[both] / expected[both] - 1) < 0.03).mean() > 0.95
+    write_disparity_pfm(tmp_path / "disparity.pfm", parts.disparities[0])
+    assert parts.disparities[0].min() < 0
+    options["disparity"] = read_disparity(tmp_path / "disparity.pfm")
+    again = match_pair((pictures[0][:, cut:], pictures[1][:, :-cut]), cut_rig, None, **options)
+    np.testing.assert_array_equal(again.left.depth, found)
+
+
+def test_the_code_of_a_matcher_for_unknown_is_no_match() -> None:
+    """Oracle: OpenCV's matchers, which write one less than their least disparity where they find nothing. It counted
+    as matched."""
+    picture = np.random.default_rng(0).integers(0, 255, (40, 60, 3), np.uint8)
+    left, right = picture, np.roll(picture, -9, 1)
+    disparity = np.full(CAMERA.hw, 9, np.float32)
+    disparity[:10] = -1
+    for doffs in (0.0, DOFFS):
+        pair = match_pair(
+            (left, right),
+            rig(doffs),
+            None,
+            disparity=None,
+            matcher=lambda *_: (disparity, disparity),
+            max_disparity=None,
+        )
+        assert pair.notes["unmatched_share"] == 0.25
+        np.testing.assert_allclose(pair.left.depth, np.where(disparity < 0, 0, 20 / (9 + doffs)), rtol=1e-6)
+    with pytest.raises(InputError, match="no known pixel in front of the cameras; the left x minus the right x"):
+        match_pair((left, right), rig(), None, disparity=-abs(disparity), matcher=None, max_disparity=None)

@@ -114,7 +114,7 @@ def stereo(
             --yaw and the like the view from there alone.
         mask: The object in the left picture: black and white, 255 = remove; --click or --box say it in place of that file.
         mask_right: The object in the right picture.
-        disparity: The left picture's disparity, in pixels: PFM, NPY, NPZ, EXR or PNG; 0 and infinity are missing.
+        disparity: The left picture's disparity, in pixels: PFM, NPY, NPZ, EXR or PNG; 0, -1 and infinity are missing.
         far: What is measured at or beyond this is far (sky).
     """
     with command("stereo", report) as this:

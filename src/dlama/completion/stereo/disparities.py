@@ -13,6 +13,7 @@ from dlama.arguments import as_array, function_name
 from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
 from dlama.errors import InputError, ShapeError, check_same_size, warn
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.projection import known_disparity
 from dlama.geometry.rgbd import Float32Array, UInt8Array, mark_far
 from dlama.perception.diagnosis.stereo_pair import find_many_unmatched, find_pair_fault, refuse_identical
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
@@ -53,9 +54,11 @@ def match_pair(
         found = match(left, right)
         notes = {**notes, "unmatched_share": float((found[0] == 0).mean())}
     else:
-        given_left = check_disparity(disparity, left.shape[:2], "`disparity`")
+        given_left = check_disparity(disparity, rig, "`disparity`")
         if not given_left.any():
-            raise InputError("disparity has no known pixel")
+            raise InputError(
+                "disparity has no known pixel in front of the cameras; the left x minus the right x of a point is expected"
+            )
         found, notes = (given_left, transfer_disparity(given_left)), {"matcher": "none: the disparity was given"}
     doubt = find_pair_fault(left, right, found[0], rig.doffs)
     if disparity is None:
@@ -75,7 +78,7 @@ def matcher_for(
 ) -> tuple[Matcher, dict[str, Any]]:
     """The matcher, and its notes."""
     if callable(matcher):
-        return functools.partial(run_matcher, matcher), {"matcher": function_name(matcher)}
+        return functools.partial(run_matcher, matcher, rig), {"matcher": function_name(matcher)}
     if matcher is not None:
         network = NetworkMatcher.open(matcher)
         return network, {"matcher": network.notes}
@@ -93,18 +96,20 @@ def matcher_for(
     return match, {"matcher": "semi-global matching", "max_disparity": max_disparity}
 
 
-def run_matcher(matcher: Matcher, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
+def run_matcher(
+    matcher: Matcher, rig: StereoRig, left: UInt8Array, right: UInt8Array
+) -> tuple[Float32Array, Float32Array]:
     """What a user's matcher finds in two pictures (H x W x 3), as `check_disparity` gives it. InputError: no two disparities."""
     found = matcher(left, right)
     if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != 2:
         came = f"a {type(found).__name__}" + (f" of {len(found)}" if isinstance(found, Sized) else "")
         raise InputError(f"`matcher` returned {came}; two disparities are expected, the left and the right one")
-    at_left, at_right = (check_disparity(one, left.shape[:2], "what `matcher` returned") for one in found)
+    at_left, at_right = (check_disparity(one, rig, "what `matcher` returned") for one in found)
     return at_left, at_right
 
 
-def check_disparity(disparity: Float32Array, hw: tuple[int, ...], name: str) -> Float32Array:
-    """H x W px, 0 where it is not finite. ShapeError or InputError, which call it `name`."""
+def check_disparity(disparity: Float32Array, rig: StereoRig, name: str) -> Float32Array:
+    """H x W px, 0 where it is unknown (`known_disparity`). ShapeError or InputError, which call it `name`."""
     given = as_array(disparity, name)
     if given.ndim != 2 or given.dtype.kind not in "fiu":
         raise ShapeError(f"{name} is {given.dtype} {given.shape}; px as numbers, H x W, are expected")
@@ -113,5 +118,5 @@ def check_disparity(disparity: Float32Array, hw: tuple[int, ...], name: str) -> 
             f"{name} is {given.dtype}; pixels as floating-point numbers are expected: disparity / 16 of OpenCV's matchers, "
             "disparity.astype(np.float32) of pixels"
         )
-    check_same_size(name, given.shape, "the pictures", hw)
-    return np.where(np.isfinite(given), given, 0).astype(np.float32)
+    check_same_size(name, given.shape, "the pictures", rig.left.hw)
+    return known_disparity(given, rig)

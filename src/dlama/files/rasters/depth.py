@@ -96,7 +96,7 @@ def read_inverse_depth(path: PathLike, *, channel: str | None = None) -> Float32
 
 @system_errors(FileError)
 def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Array:
-    """A disparity file as float32 H x W: pixels, 0 = missing (0 or not finite in the file).
+    """A disparity file as float32 H x W: pixels, 0 = missing (0 or not finite in the file); negative floats are kept.
 
     PFM, EXR, NPY, NPZ (key `disparity`): pixels, divided by `scale` where given. 16-bit PNG: value / scale (default 256,
     KITTI); 8-bit PNG: `scale` must be given. Raises FileError or DepthError.
@@ -105,9 +105,9 @@ def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Arra
     values = read_stored_numbers(path, "disparity", None, eight_bit=scale is not None)
     if values.dtype.kind == "f":
         values = np.where(np.isfinite(values), values, 0)
-    elif scale is None:
-        scale = 256.0  # KITTI
-    _check_not_negative(path, values, "disparity")
+    else:
+        _check_not_negative(path, values, "disparity")
+        scale = scale or 256.0  # KITTI
     disparity = (values / (scale or 1.0)).astype(np.float32)
     if not disparity.any():
         raise DepthError(f"{path}: every disparity is missing (0, NaN or infinite)")
