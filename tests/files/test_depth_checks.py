@@ -49,6 +49,28 @@ def test_a_file_is_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert looks == [False, True, True]
 
 
+@pytest.mark.filterwarnings("ignore:the scale of the estimated depth is assumed")
+def test_depth_that_is_given_as_inverse_depth_is_named(tmp_path: Path) -> None:
+    """Law: reading and `diagnose` name the option that is wrong, and neither asks for what is given; inverse depth of the same
+    street goes without a word."""
+    seen = STREET.rgbd(Camera.from_fov(256, 192, 80))
+    files = tmp_path / "image.png", tmp_path / "depth.npy"
+    Image.fromarray(seen.color).save(files[0])
+    np.save(files[1], seen.depth)
+    for units in (None, 1):
+        with pytest.warns(
+            UserWarning, match=r"depth\.npy: looks like depth, not like inverse depth.*out `inverse_depth`"
+        ):
+            read_rgbd(*files, fov=80, inverse_depth=True, depth_scale=units)
+    found = diagnose(*files, fov=80, inverse_depth=True)[0]
+    assert (found.check, found.mend) == ("inverse-depth", "leave out `inverse_depth`") and "holds depth" in found.what
+    np.save(files[1], 1 / seen.depth)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", ".*looks like")
+        for units in (None, 1):
+            read_rgbd(*files, fov=80, inverse_depth=True, depth_scale=units)
+
+
 @pytest.mark.filterwarnings("ignore:.*looks like inverse depth")
 def test_normalised_depth_is_warned_of(tmp_path: Path) -> None:
     """A ramp stretched to 0..65535 by a tool: its unit is lost (oracle: the stretching); with a unit there is no word, nor where

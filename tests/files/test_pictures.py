@@ -198,6 +198,9 @@ def test_mask_polarity_and_tolerance(tmp_path: Path) -> None:
     ):
         with pytest.raises(MaskError, match=words):
             read_mask(mask_of(tmp_path / "m.png", values))
+    cv2.imwrite(str(tmp_path / "m.png"), np.array([[0, 1]], np.uint16))
+    with pytest.raises(MaskError, match="largest value is 1"):
+        read_mask(tmp_path / "m.png")
     path = mask_of(tmp_path / "m.png", [[0, 8, 247, 255]])
     assert read_mask(path).tolist() == [[False, False, True, True]]
     assert read_mask(path, mask_polarity="known").tolist() == [[True, True, False, False]]
@@ -218,9 +221,10 @@ def test_masks_of_other_kinds(tmp_path: Path) -> None:
     grey = EXPECTED.astype(np.uint8) * 255
     Image.fromarray(grey).convert("1").save(tmp_path / "1.png")
     cv2.imwrite(str(tmp_path / "16.png"), grey.astype(np.uint16) * 257)
+    cv2.imwrite(str(tmp_path / "8 in 16.png"), grey.astype(np.uint16))  # was called empty, and left out of sequences
     for mode in ("RGB", "RGBA", "P"):
         Image.fromarray(grey).convert(mode).save(tmp_path / f"{mode}.png")
-    for name in ("1", "16", "RGB", "RGBA", "P"):
+    for name in ("1", "16", "8 in 16", "RGB", "RGBA", "P"):
         assert np.array_equal(read_mask(tmp_path / f"{name}.png"), EXPECTED), name
     half = np.where(np.indices(grey.shape)[0] < 3, 255, 0).astype(np.uint8)
     Image.fromarray(np.dstack([grey] * 3 + [half])).save(tmp_path / "clear.png")

@@ -127,7 +127,7 @@ def test_inverse_depth_that_a_network_gave(inverse: tuple[Path, Path]) -> None:
     same = estimate_depth(COLOR, depth_model=lambda _: DepthPrediction(NETWORK_GAVE, "inverse depth", False))
     np.testing.assert_array_equal(rgbd.depth, same.depth)
     about = rgbd.estimate or {}
-    assert about["file"] == "inverse.npy" and about["scale"]["rule"] == "assumed"
+    assert about["file"] == "inverse.npy" and about["scale"]["rule"] == "assumed" and about["size"] == [8, 6]
     assert describe_depth_source(about) == "of inverse.npy, as a network gave it"
 
 

@@ -14,13 +14,13 @@ from dlama.errors import DepthError, FileError, InputError, ShapeError, format_s
 from dlama.files.cameras import camera_for
 from dlama.files.photos.depth import PhotoDepth, read_photo_depth
 from dlama.files.rasters.depth import check_depth_options, read_depth, read_inverse_depth
-from dlama.files.rasters.depth_checks import warn_of_far_plane, warn_of_missing_code, warn_of_unit
+from dlama.files.rasters.depth_checks import warn_of_far_plane, warn_of_inverse, warn_of_missing_code, warn_of_unit
 from dlama.files.rasters.images import picture_hw, read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, same_proportions, warn_of_turn
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import MapGrid
-from dlama.geometry.projection import ray_lengths
+from dlama.geometry.projection import depth_from_inverse, ray_lengths
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, freeze, mark_far
 from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
@@ -166,8 +166,9 @@ def _read_network_depth(image: PathLike, depth: PathLike, channel: str | None) -
     """A file of inverse depth that shows what the picture shows. ShapeError: it does not."""
     hw, values = picture_hw(image), read_inverse_depth(depth, channel=channel)
     _check_same_view(image, depth, hw, (values.shape[0], values.shape[1]))
+    warn_of_inverse(depth, depth_from_inverse(values), inverted=True)
     name = Path(depth).name
-    about = {"file": name, "size": list(values.shape)}
+    about = {"file": name, "size": list(values.shape[::-1])}
     return PhotoDepth(values, metric=False, by=f"a network, read from {name}", about=about)
 
 

@@ -65,7 +65,7 @@ def read_depth(
     median = _check_plausible(path, depth, scale, depth_range, stated=is_float and depth_scale == 1)
     depth[depth > FAR_METRES] = np.inf
     if depth_range is None:
-        warn_of_inverse(path, depth)
+        warn_of_inverse(path, depth, inverse)
     if is_float and (depth_scale or depth_range) is None:
         warn_of_millimetres(path, depth, median)
     return depth if far is None else mark_far(depth, far, f"{path}: ")

@@ -30,17 +30,24 @@ LEAST_FAR = 0.01
 """Least share of the picture that is far, of what may be missing."""
 
 
-_plain: set[tuple[str, int]] = set()
-"""Files, and when they were written, that hold no inverse depth: a sequence reads its frames again and again."""
+_plain: set[tuple[str, int, bool]] = set()
+"""Files, when they were written and whether they were read as inverse depth, that hold what they were read as: a sequence reads
+its frames again and again."""
 
 
-def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
-    """Warn (UserWarning) where the values (H x W, 0 = missing, inf = far) are inverse depth rather than depth."""
-    file = str(path), Path(path).stat().st_mtime_ns
+def warn_of_inverse(path: PathLike, depth: Float32Array, inverted: bool = False) -> None:
+    """Warn (UserWarning) where depth (H x W, 0 = missing, inf = far), as read, is inverse depth; inverted: where it is 1 / the
+    file's values, that they are depth."""
+    file = str(path), Path(path).stat().st_mtime_ns, inverted
     if file in _plain:
         return
     if not looks_inverse(depth):
         _plain.add(file)
+    elif inverted:
+        warn(
+            f"{path}: looks like depth, not like inverse depth (planes of the scene are flat so), and near and far are swapped: "
+            "leave out `inverse_depth`"
+        )
     else:
         warn(
             f"{path}: looks like inverse depth or disparity (planes of the scene are flat so, and bent as depth): metric depth "

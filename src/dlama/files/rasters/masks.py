@@ -102,7 +102,8 @@ def _grey(path: PathLike) -> UInt8Array:
 
 
 def _eight_bits(path: PathLike) -> UInt8Array:
-    """The values of a mask file, H x W or H x W x C: of 16 bits the upper eight, of floats 0..1 as 0..255."""
+    """The values of a mask file, H x W or H x W x C: of 16 bits the upper eight, unless none is above 255; of floats 0..1 as
+    0..255."""
     if Path(path).suffix.lower() == ".exr":
         values: np.ndarray = read_exr(path, what="matte")
         if values.min() == values.max() == 1:
@@ -110,7 +111,7 @@ def _eight_bits(path: PathLike) -> UInt8Array:
     else:
         values = read_stored(path).values
     if values.dtype == np.uint16:
-        values = (values >> 8).astype(np.uint8)
+        values = (values >> 8 if values.max() > 255 else values).astype(np.uint8)
     if values.dtype.kind == "f":
         if not -1 <= values.min() <= values.max() <= 2:  # filters overshoot
             raise MaskError(

@@ -61,6 +61,8 @@ CODES = {
     ),
 }
 """Coding other than plain depth -> name of the check, what it is, what fixes it."""
+DEPTH_AS_INVERSE = "holds depth, read as inverse depth, so that near and far are swapped", "leave out `inverse_depth`"
+"""What it means and what fixes it where depth was read as 1 / the values of the file and is `inverse`."""
 
 
 def check_depth_code(seen: Observed) -> list[Finding]:
