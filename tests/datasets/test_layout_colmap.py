@@ -24,7 +24,7 @@ from worlds import Plane, World, moved
 
 LENS = Camera(48, 36, 40.0, 41.0, 24.5, 17.5)
 WORLD = World((Plane((0, 0, 3), (0.2, 0.1, -1)),))
-CAMERAS = {f"shot {n}.png".replace(" ", "_"): moved(LENS, (3 * n, -7 * n, 2 * n), (0.2 * n, 0.1, 0)) for n in range(3)}
+CAMERAS = {f"shot_{n}.png": moved(LENS, (3 * n, -7 * n, 2 * n), (0.2 * n, 0.1, 0)) for n in range(3)}
 NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.float32))
 
 
@@ -42,27 +42,29 @@ def folder_of(root: Path, binary: bool, dense: bool) -> Path:
             write_depth_png(root / "depth" / name, rgbd.depth)
     write_model(root / "sparse" / "0", CAMERAS, NO_POINTS)
     if binary:
-        as_binary(root / "sparse" / "0")
+        images, name = root / "sparse/0/images.bin", b".png\0"
+        two_points = struct.pack("<Qddqddq", 2, 1, 2, -1, 1, 2, -1)
+        images.write_bytes(images.read_bytes().replace(name + bytes(8), name + two_points))
+    else:
+        as_text(root / "sparse" / "0")
     return root
 
 
-def as_binary(model: Path) -> None:
-    """The text files written anew by COLMAP's binary layout, each image with two points."""
-    rows = [line.split() for line in (model / "cameras.txt").read_text().splitlines() if not line.startswith("#")]
-    data = struct.pack("<Q", len(rows))
-    for row in rows:
-        data += struct.pack("<iiQQ4d", int(row[0]), 1, int(row[2]), int(row[3]), *map(float, row[4:]))
-    (model / "cameras.bin").write_bytes(data)
-    rows = [
-        line.split() for line in (model / "images.txt").read_text().splitlines() if line and not line.startswith("#")
+def as_text(model: Path) -> None:
+    """The binary files of CAMERAS written anew by COLMAP's text layout, each image with an empty line of points."""
+    cameras = [struct.unpack_from("<iiQQ4d", (model / "cameras.bin").read_bytes(), 8 + 56 * n) for n in range(3)]
+    lines = [f"{number} PINHOLE {' '.join(map(str, numbers))}" for number, _, *numbers in cameras]
+    (model / "cameras.txt").write_text("\n".join(["# ID MODEL W H fx fy cx cy", *lines]))
+    size = struct.calcsize("<i7di")
+    images = [
+        (model / "images.bin").read_bytes()[8 + (size + 19) * n :] for n in range(3)
+    ]  # a name of ten letters, NUL, 0 points
+    lines = [
+        " ".join(map(str, struct.unpack_from("<i7di", one))) + f" {one[size : size + 10].decode()}\n" for one in images
     ]
-    data = struct.pack("<Q", len(rows))
-    for row in rows:
-        data += struct.pack("<i7di", int(row[0]), *map(float, row[1:8]), int(row[8])) + row[9].encode() + b"\0"
-        data += struct.pack("<Q", 2) + struct.pack("<ddq", 1, 2, -1) * 2
-    (model / "images.bin").write_bytes(data)
-    for name in ("cameras.txt", "images.txt", "points3D.txt"):
-        (model / name).unlink()
+    (model / "images.txt").write_text("\n".join(["# ID qw qx qy qz tx ty tz CAMERA NAME", *lines]))
+    for name in ("cameras", "images", "points3D"):
+        (model / f"{name}.bin").unlink()
 
 
 @pytest.mark.parametrize(("binary", "dense"), [(False, True), (True, False)])
@@ -118,14 +120,23 @@ def test_models_that_are_not_read_are_reported(tmp_path: Path, caplog: pytest.Lo
     assert f"{root / 'sparse'}: model 0 is read and 2, 10 not" in caplog.text
 
 
-def test_points_carry_colour_and_confidence(tmp_path: Path) -> None:
-    """Text of points3D: the cloud's own numbers."""
+def test_the_model_that_is_written_is_the_views(tmp_path: Path) -> None:
+    """Oracle: COLMAP's binary layout, by hand; the cloud's own points and colours. Its reader of text ends names at a blank."""
     cloud = lift(WORLD.rgbd(LENS))
-    write_model(tmp_path, CAMERAS, cloud)
-    rows = np.array([line.split() for line in (tmp_path / "points3D.txt").read_text().splitlines()[1:]], float)
-    np.testing.assert_allclose(rows[:, 1:4], cloud.points, atol=1e-6)
-    np.testing.assert_array_equal(rows[:, 4:7], cloud.color)
-    assert (rows[:, 7] == 0).all() and len(read_model(tmp_path)) == 3
+    named = {name.replace("_", " \u00f6 "): camera for name, camera in CAMERAS.items()}
+    write_model(tmp_path, named, cloud)
+    images = (tmp_path / "images.bin").read_bytes()
+    assert images.count(b"shot \xc3\xb6 1.png\0" + bytes(8)) == 1
+    found = read_model(tmp_path)
+    assert [image.name for image in found] == list(named)
+    for image, camera in zip(found, CAMERAS.values()):
+        np.testing.assert_allclose(image.world_from_cam, camera.world_from_cam, atol=1e-12)
+    data = (tmp_path / "points3D.bin").read_bytes()
+    points = [struct.unpack_from("<Q3d3BdQ", data, 8 + 51 * n) for n in range(len(cloud))]
+    assert len(data) == 8 + 51 * len(cloud) and data[:8] == struct.pack("<Q", len(cloud))
+    np.testing.assert_array_equal([point[1:4] for point in points], cloud.points)
+    np.testing.assert_array_equal([point[4:7] for point in points], cloud.color)
+    assert {point[7:] for point in points} == {(0.0, 0)}
 
 
 def test_damaged_models_are_named(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 Text: cameras.txt `ID MODEL W H params`, images.txt two lines each, `ID qw qx qy qz tx ty tz CAMERA NAME` and its points.
 Binary: the same fields, little-endian. Poses are world to camera, axes OpenCV's, first pixel's centre at 0.5. Lengths have
 the reconstruction's unit: with depth maps next to it, theirs. A scene is written as
-such a model. Format: colmap.github.io/format.html.
+a binary one. Format: colmap.github.io/format.html.
 
 Depth: depth/NAME.png (16-bit millimetres), .exr, .pfm, .npy, of the picture NAME.jpg; or the dense workspace's own
 stereo/depth_maps/NAME.jpg.geometric.bin (else .photometric.bin). It must have the unit of the model's positions: metres.
@@ -162,28 +162,28 @@ def _binary_images(path: Path, cameras: Mapping[int, Lens]) -> list[ColmapImage]
     return found
 
 
+POINT = np.dtype([("id", "<u8"), ("xyz", "<f8", 3), ("rgb", "u1", 3), ("error", "<f8"), ("track", "<u8")])
+"""Of points3D.bin, of a point without a track."""
+
+
 def write_model(folder: Path, cameras: Mapping[str, Camera], cloud: PointCloud) -> None:
-    """cameras.txt, images.txt and points3D.txt: a camera and an image of each view (name of its picture -> camera), and points
-    with their colours; a point's ERROR is 1 - its confidence, and it has no track. Raises OutputError."""
-    lines, images = [], []
+    """cameras.bin, images.bin and points3D.bin: a camera and an image of each view (name of its picture -> camera), and points
+    with their colours; a point's error is 1 - its confidence, and it has no track. Binary, as readers of the text end a name at
+    its first blank. Raises OutputError."""
+    count = struct.pack("<Q", len(cameras))
+    lenses, images = [count], [count]
     for number, (name, camera) in enumerate(cameras.items(), 1):
-        lens = " ".join(repr(float(one)) for one in (camera.fx, camera.fy, camera.cx, camera.cy))
-        lines.append(f"{number} PINHOLE {camera.width} {camera.height} {lens}")
+        lens = camera.fx, camera.fy, camera.cx, camera.cy
+        lenses.append(struct.pack("<iiQQ4d", number, 1, camera.width, camera.height, *lens))  # 1: PINHOLE
         pose = camera.cam_from_world
-        numbers = " ".join(
-            repr(float(one)) for one in (*np.roll(quaternion_from_rotation(pose[:3, :3]), 1), *pose[:3, 3])
-        )
-        images += [f"{number} {numbers} {number} {name}", ""]
-    points = (
-        f"{number} {x:.6f} {y:.6f} {z:.6f} {r} {g} {b} {error:.3f}"
-        for number, ((x, y, z), (r, g, b), error) in enumerate(zip(cloud.points, cloud.color, 1 - cloud.confidence), 1)
-    )
-    for file, head, body in (
-        ("cameras.txt", "CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]", lines),
-        ("images.txt", "IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then its points", images),
-        ("points3D.txt", "POINT3D_ID, X, Y, Z, R, G, B, ERROR (1 - confidence), no track", points),
-    ):
-        write_file(folder / file, "\n".join([f"# {head}", *body]) + "\n")
+        wxyz = np.roll(quaternion_from_rotation(pose[:3, :3]), 1)
+        images.append(struct.pack("<i7di", number, *wxyz, *pose[:3, 3], number) + name.encode() + b"\0" + bytes(8))
+    points = np.zeros(len(cloud), POINT)
+    points["id"] = np.arange(1, len(cloud) + 1)
+    points["xyz"], points["rgb"], points["error"] = cloud.points, cloud.color, 1 - cloud.confidence
+    write_file(folder / "cameras.bin", b"".join(lenses))
+    write_file(folder / "images.bin", b"".join(images))
+    write_file(folder / "points3D.bin", struct.pack("<Q", len(points)) + points.tobytes())
 
 
 FITTED = "depth_params.json"

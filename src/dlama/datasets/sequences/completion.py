@@ -96,8 +96,8 @@ class SequenceCompletion:
         progress: ViewProgress | None = None,
     ) -> dict[str, Any]:
         """Complete the views and write a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 =
-        filled or open), origin/, source/ (the frame each pixel comes from); scene.glb, meta.json, sparse/0 (a COLMAP model as
-        text), a video of the views; scene.npz and scene.ply where asked for. A killed run resumes at the frame it was at.
+        filled or open), origin/, source/ (the frame each pixel comes from); scene.glb, meta.json, sparse/0 (a COLMAP
+        model), a video of the views; scene.npz and scene.ply where asked for. A killed run resumes at the frame it was at.
 
         Args:
             output: Directory for the results.
