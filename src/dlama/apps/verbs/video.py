@@ -61,7 +61,7 @@ def video(
 
     started = time.perf_counter()
     with report_result("video", report) as result, counting_bar("video", report) as bar:
-        check_video(output)
+        check_video(output, moving.fps)
         check_file_apart(output, {"what is shown": source})
         scene = read_scene_of(source, **vars(frames)).scene
         cameras = path_for(moving.path, scene, moving.seconds, moving.fps, moving.width)

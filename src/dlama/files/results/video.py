@@ -19,14 +19,21 @@ BT_709, SRGB, LIMITED = 1, 13, 1
 """Codes of ITU-T H.273: of primaries and of the way from RGB to YCbCr; of the transfer curve; of the range 16 to 235."""
 
 
-def check_video(path: PathLike) -> None:
-    """Raise before anything is computed: InputError for a name of another kind, MissingExtraError without what writes it."""
+GIF_STEP_MS, FASTEST_GIF = 10, 50
+"""GIF counts hundredths of a second; players show a picture of one of them for ten."""
+
+
+def check_video(path: PathLike, fps: float = 24.0) -> None:
+    """Raise before anything is computed: InputError for a name of another kind, or more pictures a second than it can hold;
+    MissingExtraError without what writes it."""
     suffix = Path(path).suffix.lower()
     if suffix not in (*VIDEOS, *ANIMATIONS):
         raise InputError(
             f"`output` is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is expected; "
             "`dlama sequence SCENE --views` writes pictures"
         )
+    if suffix == ".gif" and fps > FASTEST_GIF:
+        raise InputError(f"`fps` is {fps:g}; a GIF has at most {FASTEST_GIF} pictures a second, WebP and MP4 have more")
     if suffix in VIDEOS:
         _av()
 
@@ -38,7 +45,7 @@ def write_video(path: PathLike, pictures: Iterable[UInt8Array], fps: float = 24.
     Odd sides lose a row or a column in videos, as H.264 needs even ones. Raises InputError, MissingExtraError, ShapeError (sizes
     that differ), OutputError; nothing half-written is left.
     """
-    check_video(path)
+    check_video(path, fps)
     frames = _check_sizes(pictures)
     with new_file(path) as draft:
         if Path(path).suffix.lower() in VIDEOS:
@@ -79,9 +86,13 @@ def _encode_video(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int
 
 
 def _write_animation(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
-    frames = [Image.fromarray(picture) for picture in pictures]
-    options: dict[str, Any] = {"quality": 80, "method": 4} if path.suffix.lower() == ".webp" else {}
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=round(1000 / fps), loop=0, **options)
+    frames, webp = [Image.fromarray(picture) for picture in pictures], path.suffix.lower() == ".webp"
+    options: dict[str, Any] = {"quality": 80, "method": 4} if webp else {}
+    step = 1 if webp else GIF_STEP_MS
+    # of begins that are rounded: durations that are, each by itself, would make the whole too short
+    begins = [round(1000 * number / fps / step) * step for number in range(len(frames) + 1)]
+    durations = np.diff(begins).tolist()
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, **options)
     return len(frames)
 
 
