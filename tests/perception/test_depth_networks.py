@@ -207,3 +207,10 @@ def test_contracts_that_cannot_be(changes: dict[str, Any], reported: str) -> Non
     """Law: refused when made."""
     with pytest.raises(InputError, match=reported):
         DepthContract(**{"gives": "depth", **changes})
+
+
+def test_a_contract_of_other_types_is_refused() -> None:
+    """Law: a field is of the type that its contract says ("false" of a hand-written one was true, and gave metres)."""
+    text = '{"network": "monocular depth", "gives": "depth", "metric": "false"}'
+    with pytest.raises(FileError, match=r"mine\.json: metric is of type str; True or False is expected"):
+        DepthContract.read(text, Path("mine.json"))

@@ -173,6 +173,10 @@ def test_bad_pictures_and_predictions_get_one_line() -> None:
         (lambda _: DepthPrediction(zeros * np.nan), "not numbers"),
         (lambda _: DepthPrediction(zeros[0]), "shape .64,.; h x w is expected"),
         (lambda _: DepthPrediction(np.full((48, 64), 1e-9, np.float32), "inverse depth", True), "nothing but sky"),
+        (
+            lambda _: DepthPrediction(np.full((48, 64), 4000, np.float32), "depth", True),  # millimetres
+            r"nothing is nearer than 1000 m \(scale as the network says\)",
+        ),
     ):
         with pytest.raises(DepthError, match=reported):
             quiet(RGBD_OF_WORLD.color, depth_model=prediction)

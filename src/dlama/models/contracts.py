@@ -15,6 +15,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from dlama.arguments import check_arguments
 from dlama.errors import FileError, InputError, any_error
 from dlama.geometry.rgbd import Float32Array
 from dlama.models.network_file import NetworkFile
@@ -58,7 +59,7 @@ class ColorContract:
     @classmethod
     def read(cls: type[C], text: str, file: Path) -> C:
         """The contract that the JSON of `text` says, which may be written by hand. FileError, naming `file`, where it is another
-        network's, has a field that there is not, or cannot be read."""
+        network's, has a field that there is not, a value of another type, or cannot be read."""
         with contract_errors(file):
             words = json.loads(text)
             if words.get("network") != cls.network:
@@ -71,6 +72,7 @@ class ColorContract:
             values: dict[str, Any] = {
                 name: tuple(one) if isinstance(one, list) else one for name, one in words.items() if name in known
             }
+            check_arguments(cls, values)
             return cls(**values)
 
 

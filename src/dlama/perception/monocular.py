@@ -31,7 +31,7 @@ from dlama.perception.depth_networks import (
     fit_points,
     predict,
 )
-from dlama.perception.depth_scale import check_known, estimate_scale
+from dlama.perception.depth_scale import FARTHEST_M, RULES, check_known, estimate_scale
 from dlama.perception.sharpening import sharpen_depth
 
 DEFAULT = "tcmonodepth"
@@ -113,7 +113,10 @@ def estimate_depth(
     scale = estimate_scale(moved, inverse, prediction.metric, camera, metres_at, camera_height)
     depth = round_depth(scale.metres(moved, far))
     if not is_valid(depth).any():
-        raise DepthError(f"the network {name} sees nothing but sky in this picture; give depth")
+        raise DepthError(
+            f"the network {name} sees nothing but sky in this picture: nothing is nearer than {FARTHEST_M:g} m "
+            f"({RULES[scale.rule]}); give depth"
+        )
     if scale.rule == "assumed":
         warn(
             f"the scale of the estimated depth is assumed (median {scale.about['assumed_median_m']:g} m): give `metres_at`, "

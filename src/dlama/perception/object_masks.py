@@ -22,7 +22,7 @@ from dlama.perception.shadows.find import find_shadow
 
 MaskModel = str | Path | tuple[str | Path, str | Path]
 """A name of `dlama.perception.masks.segment_anything.PAIRS`, `NAME=ENCODER,DECODER`, or the two files of a pair."""
-TOO_MUCH = "more than half of the picture: say what does not belong to it, or give a box"
+TOO_MUCH = "more than half of the picture: say what does not belong to it, or give a box round it alone"
 
 
 @dataclass(frozen=True)

@@ -142,6 +142,11 @@ def test_a_click_next_to_it_takes_a_piece_away(scene: tuple[RGBD, np.ndarray]) -
         ({"box": (10, 10, 0, 5)}, InputError, "box is 0 x 5 pixels"),
         ({"box": (10, 10, 170, 20)}, InputError, "box is 10,10,170,20, which is no part of the picture of 160x120"),
         ({"box": (200, 10, 5, 5)}, InputError, "which is no part of the picture of 160x120"),
+        (
+            {"box": (10, 10, 5, 5), "clicks": [(12, 30)]},
+            InputError,
+            "clicks holds 12,30, which lies outside box 10,10,5,5",
+        ),
         ({"box": (1, 2, 3)}, InputError, "4 numbers"),
         ({}, InputError, "clicks and box are both missing"),
         ({"clicks": [(80, 118)]}, MaskError, "clicks holds 80,118, which lies on a plain surface"),
@@ -239,8 +244,7 @@ def test_clicks_at_the_border_stay_in_the_picture(large_scene: tuple[RGBD, np.nd
     """Law: of clicks anywhere in the large picture the small one has a pixel, and of a thin box one, too."""
     picture = SmallPicture.of(large_scene[0])
     assert picture is not None
-    prompt = Prompt((480, 640), ((639.9, 479.9), (0, 0)), ((639.9, 0),), (100, 100, 1, 1))
-    smaller = picture.prompt(prompt)
+    smaller = picture.prompt(Prompt((480, 640), ((639.9, 479.9), (0, 0)), ((639.9, 0),)))
     height, width = picture.rgbd.depth.shape
     assert smaller.on == [(height - 1, width - 1), (0, 0)] and smaller.away == [(0, width - 1)]
-    assert smaller.inside.sum() == 1
+    assert picture.prompt(Prompt((480, 640), ((100.9, 100.9),), box=(100, 100, 1, 1))).inside.sum() == 1

@@ -71,6 +71,12 @@ class Prompt:
                 f"`box` is {x:g},{y:g},{wide:g},{high:g}, which is no part of the picture of {width}x{height}; "
                 "x,y,width,height are expected"
             )
+        for at, down in self.clicks:
+            if not (x - 1 < at < x + wide + 1 and y - 1 < down < y + high + 1):  # boxes end between pixels
+                raise InputError(
+                    f"`clicks` holds {at:g},{down:g}, which lies outside `box` {x:g},{y:g},{wide:g},{high:g}; a box round "
+                    "the whole object is expected"
+                )
 
     @property
     def on(self) -> list[Pixel]:
