@@ -186,7 +186,8 @@ def test_disparity_there_and_back(tmp_path: Path) -> None:
 
 
 def test_disparity_of_other_kinds(tmp_path: Path) -> None:
-    """Oracle: KITTI's value / 256, Middlebury 2003's value / 4; of floats the rig knows what a negative one is."""
+    """Oracle: KITTI's value / 256, Middlebury 2003's value / 4; OpenCV's value / 16, whose NPY was
+    read as KITTI's; the rig knows what a negative one is."""
     cv2.imwrite(str(tmp_path / "kitti.png"), np.array([[0, 256, 640]], np.uint16))
     cv2.imwrite(str(tmp_path / "cones.png"), np.array([[0, 4, 10]], np.uint8))
     np.savez(tmp_path / "d.npz", disparity=np.array([[np.inf, 1, 2.5]], np.float32), other=np.zeros(1))
@@ -199,7 +200,8 @@ def test_disparity_of_other_kinds(tmp_path: Path) -> None:
     assert read_disparity(tmp_path / "f.npy").tolist() == [[-1, 2]]
     np.save(tmp_path / "n.npy", np.array([[-16, 32]], np.int16))
     np.save(tmp_path / "z.npy", np.array([[np.inf, 0]]))
-    with pytest.raises(DepthError, match="1 of 2 disparity values are negative"):
+    assert read_disparity(tmp_path / "n.npy", scale=16).tolist() == [[-1, 2]]
+    with pytest.raises(DepthError, match=r"holds int16; .*disparity_scale, OpenCV's matchers: 16"):
         read_disparity(tmp_path / "n.npy")
     with pytest.raises(DepthError, match="every disparity is missing"):
         read_disparity(tmp_path / "z.npy")

@@ -55,7 +55,7 @@ def read_depth(
     """
     check_depth_options(depth_scale, depth_range, far)
     values = read_stored_numbers(path, "depth", channel)
-    _check_not_negative(path, values, "depth")
+    _check_not_negative(path, values)
     if inverse:
         values = np.where(values >= 0, depth_from_inverse(values.astype(np.float32)), np.float32(0))
     is_float = values.dtype.kind == "f"
@@ -96,18 +96,21 @@ def read_inverse_depth(path: PathLike, *, channel: str | None = None) -> Float32
 
 @system_errors(FileError)
 def read_disparity(path: PathLike, *, scale: float | None = None) -> Float32Array:
-    """A disparity file as float32 H x W: pixels, 0 = missing (0 or not finite in the file); negative floats are kept.
+    """A disparity file as float32 H x W: pixels, 0 = missing (0 or not finite in the file); negative numbers are kept.
 
     PFM, EXR, NPY, NPZ (key `disparity`): pixels, divided by `scale` where given. 16-bit PNG: value / scale (default 256,
-    KITTI); 8-bit PNG: `scale` must be given. Raises FileError or DepthError.
+    KITTI); of 8-bit PNG and signed whole numbers `scale` must be given. Raises FileError or DepthError.
     """
     check_positive(disparity_scale=scale)
     values = read_stored_numbers(path, "disparity", None, eight_bit=scale is not None)
     if values.dtype.kind == "f":
         values = np.where(np.isfinite(values), values, 0)
-    else:
-        _check_not_negative(path, values, "disparity")
-        scale = scale or 256.0  # KITTI
+    elif scale is None:
+        if values.dtype.kind == "i":
+            raise DepthError(
+                f"{path}: holds {values.dtype}; say how many of them make a pixel (`disparity_scale`, OpenCV's matchers: 16)"
+            )
+        scale = 256.0  # KITTI
     disparity = (values / (scale or 1.0)).astype(np.float32)
     if not disparity.any():
         raise DepthError(f"{path}: every disparity is missing (0, NaN or infinite)")
@@ -268,7 +271,7 @@ def _scale_advice(median: float, scale: float, depth_range: float | None) -> str
     return f"{PLAUSIBLE_M[0]:g} to {PLAUSIBLE_M[1]:g} m is expected; `depth_scale` says how many units make a metre"
 
 
-def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
+def _check_not_negative(path: PathLike, values: np.ndarray) -> None:
     negative = np.isfinite(values) & (values < 0)
     if negative.any():
         advice = ""
@@ -277,7 +280,7 @@ def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
         elif values[negative].min() > -1e-3:  # no measurements
             advice = "; lossy compression does that (B44, or DWA in R, G and B): save it as ZIP, or in a channel Z"
         raise DepthError(
-            f"{path}: {int(negative.sum())} of {values.size} {what} values are negative (smallest {values[negative].min():.6g}); "
+            f"{path}: {int(negative.sum())} of {values.size} depth values are negative (smallest {values[negative].min():.6g}); "
             f"values >= 0 are expected, 0 = missing{advice}"
         )
 
