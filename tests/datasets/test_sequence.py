@@ -252,11 +252,11 @@ def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
 
 
 def test_views_of_a_path_and_of_a_file(room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A list of cameras with names; a path by name (oracle: the true depth)."""
-    camera = moved(LENS, (0, 1, 0), (0.05, 0.02, 0))
+    """A list of cameras with names, of another size than the frames; a path by name (oracle: the true depth)."""
+    camera = moved(LENS, (0, 1, 0), (0.05, 0.02, 0)).resized(80, 60)
     cameras = [{**camera_as_json(camera), "name": "mine"}, camera_as_json(LENS)]
     (tmp_path / "cameras.json").write_text(json.dumps(cameras))
-    dlama.sequence(room, views=str(tmp_path / "cameras.json")).write(tmp_path / "out", only=["scene"])
+    dlama.sequence(room, views=str(tmp_path / "cameras.json")).write(tmp_path / "out", only=["scene", "mesh"])
     frames = open_frames(tmp_path / "out")
     assert [each.name for each in frames] == ["mine", "0001"]
     truth, done = WORLD.trace(camera)[0], frames[0].load()

@@ -95,7 +95,8 @@ def largest_layers(scene: Scene, counts: Sequence[int]) -> Scene:
     order = np.argsort([-count for count in counts], kind="stable")
     total = np.cumsum([counts[place] for place in order])
     kept = sorted(int(place) for place in order[: max(1, int((total <= MOST_MESHED).sum()))])
-    return Scene(tuple(scene.layers[place] for place in kept))
+    first, *others = (scene.layers[place] for place in kept)
+    return Scene((first,), fills=tuple(others))  # frames have one size, views another
 
 
 def thin_points(cloud: PointCloud, step: int) -> PointCloud:
