@@ -30,6 +30,17 @@ def test_factor_and_shift_of_relative_inverse_depth_come_back() -> None:
         assert scale.rule == "metres_at" and len(scale.about["points"]) == len(places)
 
 
+def test_a_known_distance_that_contradicts_the_others_is_named() -> None:
+    """Closed form: of a metric map a factor fits alone; half the true distance of one pixel cannot be that of the others."""
+    true = known((5, 5), (90, 60), (50, 30))
+    (x, y, metres), values = known((10, 65))[0], Z / np.float32(0.4)
+    with pytest.warns(
+        UserWarning, match=rf"`metres_at` 10\.5,65\.5={metres / 2:g}: the depth fitted there is .*look the pixel up"
+    ):
+        estimate_scale(values, False, True, CAMERA, [*true, (x, y, metres / 2)])
+    estimate_scale(values, False, True, CAMERA, true)  # without a word
+
+
 @pytest.mark.parametrize(("inverse", "metric"), [(True, False), (True, True), (False, False), (False, True)])
 def test_one_known_distance_gives_the_factor(inverse: bool, metric: bool) -> None:
     """Closed form: all that is known up to a factor; metric depth is corrected, too. Two equal distances say no more than one."""

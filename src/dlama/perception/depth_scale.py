@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dlama.arguments import format_value, is_finite
-from dlama.errors import DepthError, InputError
+from dlama.errors import DepthError, InputError, warn
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -24,6 +24,8 @@ ASSUMED_MEDIAN_M = 3.0
 """Median depth of a picture of which nothing is known in metres."""
 FARTHEST_M = 1000.0
 """Depth beyond this is far."""
+MISFIT = 1 / 3
+"""Relative difference between a known depth and what is fitted there, above which it is warned of: estimates err by less."""
 PATCH = 2
 """Known pixels are read as the median of those up to so many px away."""
 RULES = {
@@ -150,6 +152,13 @@ def fit_scale_to_points(
         )
     fitted = factor * found + shift
     fitted = 1 / np.maximum(fitted, 1 / FARTHEST_M) if inverse else fitted
+    off = np.abs(fitted / np.minimum(metres, FARTHEST_M) - 1)
+    if off.max() > MISFIT:
+        (x, y, known), got = metres_at[int(off.argmax())], fitted[off.argmax()]
+        warn(
+            f"`metres_at` {x:g},{y:g}={known:g}: the depth fitted there is {got:.3g} m: it contradicts the other known depths, "
+            "or the estimate; look the pixel up again"
+        )
     points = [
         {"x": float(x), "y": float(y), "metres": float(given_m), "fitted_metres": round(float(got), 4)}
         for (x, y, given_m), got in zip(metres_at, fitted)
