@@ -70,7 +70,7 @@ def _plane_edges() -> None:
     _replace("inpainters.layered.depth.surface_labels", "align_lines_to_edges", lambda lines, *rest: lines)
 
 
-def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
+def _of_coarse(method: str, value: Callable[..., Any]) -> Callable[[], None]:
     def switch() -> None:
         from dlama.inpainters.layered.depth.surface_labels import CoarseView
 
@@ -229,6 +229,7 @@ RULES: dict[str, Callable[[], None]] = {
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
     "relief": _of_coarse("with_relief", lambda self: self.label),
     "enclosed-sky": _of_coarse("enclosed_by_surfaces", lambda self: np.zeros_like(self.hole)),
+    "floating": _of_coarse("floating", lambda self, label: np.zeros_like(self.hole)),
     "between": _between,
     "ending-cost": _ending_cost,
     "seams": _seams,

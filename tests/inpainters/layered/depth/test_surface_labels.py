@@ -108,6 +108,19 @@ def test_a_wall_has_no_window_onto_the_sky() -> None:
     assert out_of_view(coarse).allowed(FillContext(Law(())))[1][hole].all()
 
 
+def test_nothing_hangs_in_the_sky() -> None:
+    """Closed form: of three walls guessed in a hole full of sky the one that touches neither the known wall nor the border hangs,
+    in each of its cells; the sky between them does not."""
+    hole, known = np.zeros((40, 60), bool), np.full((40, 60), 0.25, np.float32)
+    hole[:30] = True
+    label = np.where(hole, SKY, 1)
+    for there in (np.s_[20:30, 5:15], np.s_[0:6, 20:30], np.s_[10:18, 40:50]):
+        label[there] = 1
+    hanging = np.zeros_like(hole)
+    hanging[10:18, 40:50] = True
+    np.testing.assert_array_equal(grid(known, hole, np.where(hole, -1, 1), (0.25,)).floating(label), hanging)
+
+
 def test_chords_of_a_pillar_are_its_height_and_width() -> None:
     """Closed form: of two runs of 30 and 10 along each column, each counts by its length: (900 + 100) / 40."""
     there = np.zeros((60, 50), bool)

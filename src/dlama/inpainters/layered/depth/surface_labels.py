@@ -98,7 +98,19 @@ class CoarseView(CoarseCells):
         distance = distances()
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = self.unary_costs(self.allowed(context), distance, penalty)
-        return surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, ROUNDS)
+        costs = surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, ROUNDS)
+        costs[self.floating(costs.argmin(2) - 1), SKY + 1] = -1  # below any other
+        return costs
+
+    def floating(self, label: NDArray[np.intp]) -> BoolArray:
+        """h x w, True in parts of the hole that hang in the sky: they touch neither a known surface nor the border of the view.
+
+        label: h x w, of each hole cell.
+        """
+        solid = np.where(self.hole, label, self.label) != SKY
+        held = solid & ~self.hole
+        held[[0, -1]] = held[:, [0, -1]] = True
+        return solid & self.hole & ~regions_touching(solid, held)
 
     def unary_costs(self, allowed: BoolArray, distance: Float32Array, penalty: Float32Array) -> Float32Array:
         """h x w x L unary cost of each label in each hole cell: distance to where the surface was last seen, and the rim.
