@@ -39,9 +39,11 @@ def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureF
 def test_a_mask_of_a_photo_alone_warns_of_no_metres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Law: a mask does not change with the scale of estimated depth, nor with an assumed lens, so nothing is said of them."""
     folder = small_frame(tmp_path)
-    main(["mask", str(folder / "image.png"), "--box", "15,12,30,28", "-o", str(folder / "found.png")])
-    said = capsys.readouterr()
-    assert said.err == "" and "found in estimated depth" in said.out
+    np.save(folder / "inverse.npy", 1 / pixels(folder / "depth.png").clip(1).astype(np.float32))
+    for depth in ([], [str(folder / "inverse.npy"), "--inverse-depth"]):
+        main(["mask", str(folder / "image.png"), *depth, "--box", "15,12,30,28", "-o", str(folder / "found.png")])
+        said = capsys.readouterr()
+        assert said.err == "" and "found in estimated depth" in said.out
 
 
 def test_a_result_continues_without_a_further_object(frame: Path) -> None:

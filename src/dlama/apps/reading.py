@@ -77,7 +77,7 @@ class Command(JobInputs):
         by_color = "salient" in p or "object_class" in p or p.get("masker", "rgbd") != "rgbd"
         needs_depth = "depth" in p or "with_shadow" in p or not by_color
         with warnings.catch_warnings():
-            if not ("depth" in p or "with_shadow" in p):  # the mask does not depend on what is assumed
+            if "with_shadow" not in p:  # the mask does not depend on what is assumed
                 warnings.filterwarnings("ignore", "the (scale of the estimated depth|field of view) is assumed")
             scene = is_scene(image)
             picture = picture_of(self.read_source(p)) if needs_depth or scene else self.read_color(p)

@@ -31,7 +31,7 @@ from dlama.perception.depth_networks import (
     fit_points,
     predict,
 )
-from dlama.perception.depth_scale import FARTHEST_M, RULES, check_known, estimate_scale
+from dlama.perception.depth_scale import ASSUMED_MEDIAN_M, FARTHEST_M, RULES, check_known, estimate_scale
 from dlama.perception.sharpening import sharpen_depth
 
 DEFAULT = "tcmonodepth"
@@ -118,10 +118,12 @@ def estimate_depth(
             f"({RULES[scale.rule]}); give depth"
         )
     if scale.rule == "assumed":
-        warn(
-            f"the scale of the estimated depth is assumed (median {scale.about['assumed_median_m']:g} m): give `metres_at`, "
-            "`camera_height` or a metric `depth_model`"
+        other = (
+            ", `camera_height` or a metric `depth_model`"
+            if isinstance(depth_model, (str, Path))
+            else " or `camera_height`"
         )
+        warn(f"the scale of the estimated depth is assumed (median {ASSUMED_MEDIAN_M:g} m): give `metres_at`{other}")
     meta = {
         "estimator": name,
         **prediction.notes,
