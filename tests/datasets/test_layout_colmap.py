@@ -82,6 +82,14 @@ def test_frames_are_the_ones_written(tmp_path: Path, binary: bool, dense: bool) 
         assert np.abs(found.depth - truth.depth).max() < (1e-6 if dense else 6e-4)
 
 
+def test_a_model_next_to_a_listing_is_read_where_it_is_asked_for(tmp_path: Path) -> None:
+    """Oracle: the model's own frames; as `dlama sequence` writes both. The layout's name did not help: nothing was found."""
+    root = folder_of(tmp_path / "room", True, False)
+    (root / "transforms.json").write_text("{}")
+    assert detect(root) == "nerfstudio"
+    assert [each.name for each in open_frames(root, "colmap")] == [name.removesuffix(".png") for name in CAMERAS]
+
+
 def test_inverse_depth_fitted_to_the_points(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """As 3D Gaussian Splatting keeps it: code / 65536 x scale + offset (oracle: the closed-form world); not above 0 is far.
     A picture without a scale is left out; a depth scale is refused."""

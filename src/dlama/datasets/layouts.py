@@ -60,8 +60,9 @@ def _posed(
 ) -> tuple[str, Layout]:
     """A layout of posed frames by its name.
 
-    reader: a file with `looks_like(root)`, which looks at names only, and `list_frames(folder)`, of which takes_camera says
-    that it has two more parameters, the root and the camera. others: `files` and `parts`.
+    reader: a file with `looks_like(root)`, which looks at names only (and `is_scene`, where more can be read than is recognised),
+    and `list_frames(folder)`, of which takes_camera says that it has two more parameters, the root and the camera. others:
+    `files` and `parts`.
     """
 
     def read(
@@ -73,7 +74,8 @@ def _posed(
         **reading: Any,
     ) -> Dataset:
         more = (root, camera) if takes_camera else ()
-        folders = scene_folders(root, reader.looks_like, looked_for, scenes, others.get("files", ()))
+        is_scene = getattr(reader, "is_scene", reader.looks_like)
+        folders = scene_folders(root, is_scene, looked_for, scenes, others.get("files", ()))
         listed = {scene: reader.list_frames(place, *more) for scene, place in folders.items()}
         found = [posed_frames(scene, folders[scene], each, **reading) for scene, each in listed.items()]
         return posed_dataset(name, root, itertools.chain(*found), limit)

@@ -195,7 +195,12 @@ DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 def looks_like(root: Path) -> bool:
     """True where a model lies in a folder, and no listing of nerfstudio, which often has one next to it."""
-    return model_folder(root) is not None and not nerfstudio.looks_like(root)
+    return is_scene(root) and not nerfstudio.looks_like(root)
+
+
+def is_scene(root: Path) -> bool:
+    """True where a model lies in a folder, whatever lies next to it: for a layout that is asked for."""
+    return model_folder(root) is not None
 
 
 def model_folder(root: Path) -> Path | None:
