@@ -114,6 +114,16 @@ def test_stereo_regions_by_hand() -> None:
     assert_regions(stereo_regions(left), expected(DISOCCLUDED, OUT_OF_VIEW))
 
 
+def test_stereo_regions_of_a_rig_with_doffs() -> None:
+    """Closed form: at a disparity of -6 px the right camera sees 6 columns more on the left; they counted as seen."""
+    disparity = np.full((SIZE, SIZE), -6, np.float32)
+    for found in (stereo_regions(disparity, disparity), stereo_regions(disparity)):
+        np.testing.assert_array_equal(found["out-of-view"], rectangle((0, 6), (0, SIZE)))
+        np.testing.assert_array_equal(found["seen"], rectangle((6, SIZE), (0, SIZE)))
+    disparity[:, :2] = 0
+    assert stereo_regions(disparity)["out-of-view"].sum() == 6 * SIZE
+
+
 def test_stereo_regions_with_unknown_disparity() -> None:
     """Closed form: n left pixels without disparity next to the edge leave n pixels at either end of the gap in doubt."""
     left = np.where(SQUARE_IN_SOURCE, 16, 8).astype(np.float32)

@@ -169,7 +169,7 @@ def stereo_regions(disparity_left: Float32Array, disparity_right: Float32Array |
 
     With the right disparity each right pixel is looked up in the left one: another disparity there (by more than
     `SAME_DISPARITY_PX`) hides it. Without, left pixels are carried over row by row: a gap between two neighbours on
-    different surfaces is disoccluded, what lies right of the last one is out of view, and a gap that left pixels without
+    different surfaces is disoccluded, what lies beyond the outermost ones is out of view, and a gap that left pixels without
     disparity may fill is unknown. 0, NaN and inf = no disparity.
 
     Args:
@@ -192,7 +192,7 @@ def gaps_from_both(left: Float32Array, right: Float32Array) -> tuple[BoolArray, 
     width = left.shape[1]
     has = is_known(right)
     at = np.arange(width) + 0.5 + np.where(has, right, 0)
-    outside = has & (at >= width)
+    outside = has & ((at < 0) | (at >= width))  # < 0: of a rig with doffs
     columns = np.floor(at - 0.5), np.floor(at), np.ceil(at - 0.5)
     neighbours = [np.take_along_axis(left, clip_index(column, width), 1) for column in columns]
     readings = np.stack([np.where(is_known(one), one, np.nan) for one in neighbours])
@@ -238,6 +238,8 @@ def warp_row(
         hidden[first:last] = landing[one + 1] - furthest[one] > 1 + SAME_DISPARITY_PX
     border = max(int(np.floor(furthest[-1])) + 1 + width - 1 - int(columns[-1]), 0)
     outside[border:] = known[border:] = True
+    border = max(int(np.floor(landing.min())) - int(columns[0]), 0)  # 0 but in a rig with doffs
+    outside[:border] = known[:border] = True
 
 
 def is_known(disparity: Float32Array | Float64Array) -> BoolArray:
