@@ -199,7 +199,7 @@ def looks_like(root: Path) -> bool:
 
 
 def is_scene(root: Path) -> bool:
-    """True where a model lies in a folder, whatever lies next to it: for a layout that is asked for."""
+    """True where a model lies in a folder, also next to a listing: for a layout that is asked for."""
     return model_folder(root) is not None
 
 
