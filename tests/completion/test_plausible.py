@@ -33,6 +33,15 @@ def test_good_input_gets_no_warning() -> None:
         camera_for((48, 64), fov=5)
 
 
+def test_a_large_removed_object_is_no_wrong_scale() -> None:
+    """Law: what the user removed is no reason to doubt depth or pose, however much of a view it leaves unknown."""
+    most = np.broadcast_to(np.arange(64) < 40, (48, 64))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        done = remove(GOOD, most, yaw=5, filler="telea")
+    assert done.warped[0].color_hole.mean() > 0.6
+
+
 def test_an_inverted_mask() -> None:
     with pytest.warns(UserWarning, match=r"the mask removes 80 % of the picture.*`mask_polarity` turns it round"):
         remove(GOOD, ~MASK, filler="telea", dilate=0)

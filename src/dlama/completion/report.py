@@ -187,9 +187,9 @@ def warn_of_nothing(depth: Float32Array, views: Sequence[View], holes: Sequence[
 
 
 def warn_of_unknown(camera: Camera, depth: Float32Array, warped: Sequence[View]) -> None:
-    """A view of which hardly anything is known, although the camera has hardly turned away from what the picture (its camera,
-    its depth: H x W metres) shows."""
-    shares = [float(view.color_hole.mean()) for view in warped]
+    """A view of which hardly anything is known, removed objects aside, although the camera has hardly turned away from what the
+    picture (its camera, its depth: H x W metres) shows."""
+    shares = [float((view.color_hole & ~view.object_hole).mean()) for view in warped]
     odd = [
         share
         for share, view in zip(shares, warped)
