@@ -38,7 +38,7 @@ def test_a_large_removed_object_is_no_wrong_scale() -> None:
     most = np.broadcast_to(np.arange(64) < 40, (48, 64))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        done = remove(GOOD, most, yaw=5, filler="telea")
+        done = view(remove(GOOD, most, filler="telea").scene, yaw=5, filler="telea")
     assert done.warped[0].color_hole.mean() > 0.6
 
 
