@@ -251,6 +251,23 @@ def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
         assert {Path(each["mask_path"]).parent.name for each in frames if "mask_path" in each} == kinds
 
 
+def test_depth_that_its_files_cannot_hold_is_counted(tmp_path: Path) -> None:
+    """Closed form: a half of the picture at 100 m, as seen from the air, is written as 65.534 m; it was, without a word."""
+    given = frame("img-1")
+    depth = np.where(np.arange(LENS.width) < LENS.width // 2, np.float32(100), np.float32(40)) * np.ones(
+        LENS.hw, np.float32
+    )
+    dlama.write(
+        dlama.complete(RGBD(given.color, depth, given.camera), [given.camera]), tmp_path / "one", only=["scene"]
+    )
+    completion = dlama.sequence(tmp_path / "one" / "scene.npz")
+    with pytest.warns(UserWarning, match=r"^1536 pixels of the views beyond 65\.534 m.*also=scene"):
+        meta = completion.write(tmp_path / "out", only=["scene"])
+    assert meta["depth_png_clipped_pixels"] == LENS.width // 2 * LENS.height == 1536
+    codes = np.array(Image.open(next((tmp_path / "out" / "depth").iterdir())))
+    np.testing.assert_array_equal(codes, np.where(depth == 100, 65534, 40000))
+
+
 def test_views_of_a_path_and_of_a_file(room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A list of cameras with names, of another size than the frames; a path by name (oracle: the true depth)."""
     camera = moved(LENS, (0, 1, 0), (0.05, 0.02, 0)).resized(80, 60)

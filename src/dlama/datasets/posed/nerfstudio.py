@@ -181,16 +181,18 @@ FOLDERS, MASKS = ("images", "depth", "hole", "origin", "source"), "masks"
 """Of each view one picture in each."""
 
 
-def write_view(folder: Path, name: str, view: View, masked: bool = False) -> None:
-    """The five pictures of one view and, if `masked`, where it has a colour (255); the folders are there. Raises OutputError."""
+def write_view(folder: Path, name: str, view: View, masked: bool = False) -> int:
+    """The five pictures of one view and, if `masked`, where it has a colour (255); the folders are there. Returns how many pixels
+    are too deep for millimetres in 16 bits, as `write_depth_png`. Raises OutputError."""
     frame = np.zeros(view.hole.shape, np.uint16) if view.frame is None else view.frame
     write_color(folder / "images" / f"{name}.png", view.color)
-    write_depth_png(folder / "depth" / f"{name}.png", view.depth)
+    clipped = write_depth_png(folder / "depth" / f"{name}.png", view.depth)
     write_mask(folder / "hole" / f"{name}.png", view.filled | view.color_hole)
     write_codes(folder / "origin" / f"{name}.png", view.origin, ORIGIN_PALETTE)
     save_picture(folder / "source" / f"{name}.png", Image.fromarray(frame * np.uint16(view.origin > 0)))
     if masked:
         write_mask(folder / MASKS / f"{name}.png", ~view.color_hole)
+    return clipped
 
 
 def write_transforms(

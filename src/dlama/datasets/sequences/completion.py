@@ -18,7 +18,7 @@ from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, wr
 from dlama.datasets.sequences.loading import LoadedScene
 from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
 from dlama.datasets.sequences.state import SequenceState, Step, StepChange
-from dlama.errors import OutputError, system_errors
+from dlama.errors import OutputError, format_count, system_errors, warn
 from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import Origin
@@ -29,6 +29,8 @@ from dlama.writing.atomic_write import PathLike, check_folder_name
 
 SHADOW = ("remaining_shadow_px", "removed_px")
 """Of a step, for the hint of a shadow that stays."""
+CLIPPED = "depth_png_clipped_pixels"
+"""Of a step, and of meta.json."""
 ViewProgress = Callable[[int, int, str, bool], None]
 """Called after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
 
@@ -45,6 +47,16 @@ class StepResults:
     """Steps that an earlier run had done."""
     shadow: str = ""
     """What is known of a removed object's shadow that stays, in the first view that shows one."""
+
+    def count_clipped(self) -> int:
+        """Pixels of all views that are too deep for their depth file; warns of any."""
+        count = sum(int(shares[CLIPPED]) for shares in self.views.values())
+        if count:
+            warn(
+                f"{format_count(count, 'pixel')} of the views beyond 65.534 m, the most that depth/ can hold, got that depth; "
+                "`also=scene` writes scene.npz, which has theirs"
+            )
+        return count
 
     def shares(self, names: Iterable[str]) -> dict[str, dict[str, float]]:
         """Of the views with these names, share by share, for meta.json."""
@@ -123,6 +135,7 @@ class SequenceCompletion:
             "decisions": loaded.decisions | {name: dict(decision) for name, decision in self._plan.decisions.items()},
             "masked_frames": [loaded.names[number] for number in sorted(self._masks)],
             **done.shares(self.cameras),
+            CLIPPED: done.count_clipped(),
             "remaining_shadow": done.shadow,
             "views_from_earlier_run": done.reused,
             **write_views(target, done.scene, self.cameras, loaded.names, chosen, masked),
@@ -196,9 +209,8 @@ def complete_steps(
         if added is None:
             found, larger = complete_step(plan, done.scene, step)
             shown = above_confidence(found.view, min_confidence)
-            if step.shown:
-                write_view(target, step.name, shown, masked)
-            shares = shares_of(shown) | shadow_of(found)
+            clipped = write_view(target, step.name, shown, masked) if step.shown else 0
+            shares = shares_of(shown) | shadow_of(found) | {CLIPPED: clipped}
             added = state.keep(number, step.camera, StepChange.by(step, shares, done.scene, larger))
         done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
         done.shadow = done.shadow or describe_shadow(*(int(added.shares[name]) for name in SHADOW))

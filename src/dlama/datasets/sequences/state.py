@@ -24,7 +24,7 @@ from dlama.writing.atomic_write import write_file
 
 FOLDER = ".dlama-sequence"
 """In the output, while the run lasts."""
-FORMAT = 5
+FORMAT = 6
 """Of the files there; what another one left is not gone on with."""
 
 
