@@ -115,6 +115,17 @@ def test_sky_continues_what_the_view_shows_of_it(known_rows: int) -> None:
     assert (out[hole] == ((138, 158, 188) if known_rows else (150, 170, 200))).all()
 
 
+def test_what_lies_far_takes_no_colour_of_the_sky() -> None:
+    """Law: a hole in a far lawn of no plane is green, though more sky than lawn lies behind it."""
+    w = np.zeros((96, 128), np.float32)
+    w[48:] = np.linspace(1 / 70, 1 / 30, 48)[:, None]
+    hole = np.zeros(w.shape, bool)
+    hole[50:56, 40:48], w[50:56, 40:48] = True, 1 / 65
+    color = np.where(w[..., None] > 0, np.array([60, 120, 40], np.uint8), np.array([230, 230, 240], np.uint8))
+    filled = spread_colors(color, hole, w, np.where(w > 0, -1, 0).astype(np.int8))
+    assert (filled[hole] == (60, 120, 40)).all()
+
+
 def test_sky_between_leaves_does_not_tell_its_colour() -> None:
     """Law: where a view shows its sky only in single pixels between leaves, mixed with them, the scene's colour is taken."""
     w, leaf = np.zeros((96, 128), np.float32), np.zeros((96, 128), bool)

@@ -117,7 +117,7 @@ def hole_regions(
     grid: Cells, size: int, hole: BoolArray, inverse_depth: Float32Array, label: Labels
 ) -> Iterator[HoleRegion]:
     """The hole split into regions: sufficiently visible planes and sky, and the rest by its depth, in octaves, which takes colour
-    from all that is no nearer. size: pixels along a side of the base's cells."""
+    from all surfaces that are no nearer, of the sky only where there are none. size: pixels along a side of the base's cells."""
     holes = np.flatnonzero(hole)
     rows, cols = np.divmod(holes, hole.shape[1])
     cells = (rows // size) * -(-hole.shape[1] // size) + cols // size
@@ -132,6 +132,8 @@ def hole_regions(
     for number in np.unique(octave[rest]).tolist():
         here = rest & (octave == number)
         behind = (grid.label != UNTRUSTED) & (grid.inverse_depth <= NEARER * w[here].max())
+        finite = behind & (grid.label != SKY)
+        behind = finite if finite.any() else behind
         yield HoleRegion(holes[here], cells[here], behind)
 
 
