@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +28,8 @@ DEPTH_SHARE, ESTIMATED_SHARE = 1e-3, 5e-3
 """Share of the depth by which triangles may miss it, and where it was estimated: no estimate is as right as that."""
 DEVIATIONS = 3.0
 """Standard deviations of the noise of measured inverse depth by which triangles may miss it."""
+SPECK = 5
+"""px a side of the square within which the origin of most pixels counts."""
 SQUARE = ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5))
 """The corners of a pixel, from its centre."""
 
@@ -53,9 +56,10 @@ def decimate(
     differs by 1 mm or 0.1 % of the depth at most, whichever is more (where it was estimated 0.5 %, or the `share` that is given;
     noisy measured depth: as far as three standard deviations of its noise), and the place in the picture that its texture shows
     by half a pixel at most. Confidence is linear between vertices.
-    Outlines are kept: no triangle covers pixels at both sides of a depth edge, nor pixels of two origins unless it is as small as
-    a pixel. Pixels that have no triangle in the grid, as those of a wire one pixel wide, become squares of their own size. Flying
-    pixels, which rendering leaves out, and far ones have none. grid: the layer's `mesh_grid`, where it is another than that.
+    Outlines are kept: no triangle covers pixels at both sides of a depth edge, nor of two origins unless it is as small as a
+    pixel, but for specks (SPECK) of depth in missing depth and of missing depth in measured. Pixels that have no triangle in the
+    grid, as those of a wire one pixel wide, become squares of their own size. Flying pixels, which rendering leaves out, and far
+    ones have none. grid: the layer's `mesh_grid`, where it is another than that.
     """
     depth, joined = grid or mesh_grid(view)
     surface = is_valid(depth)
@@ -68,7 +72,7 @@ def decimate(
     if depth.max(initial=0) == np.inf:  # sky
         depth = np.where(surface[box], depth, np.float32(0))
     halves = cell_halves(depth, joined)
-    halved = halving_tree(depth, flat_cells(joined, view.origin[box]), share, noise)
+    halved = halving_tree(depth, flat_cells(joined, without_specks(view.origin[box])), share, noise)
     del joined  # of a large picture it is as large as all that follows
     corners = np.concatenate(triangles(halved, halves, surface[box].shape))
     covered = covered_pixels(halves, surface[box].shape)
@@ -106,6 +110,13 @@ def flat_cells(joined: UInt8Array, origin: UInt8Array) -> BoolArray:
     right = ((joined[:, :-1] & RIGHT) > 0) & (origin[:, :-1] == origin[:, 1:])
     down = ((joined[:-1] & DOWN) > 0) & (origin[:-1] == origin[1:])
     return np.asarray(right[:-1] & right[1:] & down[:, :-1] & down[:, 1:])
+
+
+def without_specks(origin: UInt8Array) -> UInt8Array:
+    """H x W origins in which specks of SPECK pixels that a sensor left open, or measured, are as most pixels round them."""
+    open_, measured = (origin == each for each in (Origin.DEPTH_FILLED, Origin.MEASURED))
+    most = cv2.medianBlur(open_.view(np.uint8), SPECK) > 0 if origin.size else open_
+    return np.where(open_ | measured, np.where(most, Origin.DEPTH_FILLED, Origin.MEASURED), origin).astype(np.uint8)
 
 
 def covered_pixels(halves: tuple[BoolArray, ...], hw: tuple[int, ...]) -> BoolArray:
