@@ -21,7 +21,6 @@ import numpy as np
 
 from dlama.errors import import_extra
 from dlama.evaluation.metrics.pictures import SETTINGS, mean_or_nan
-from dlama.evaluation.metrics.regions import is_known
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -62,6 +61,11 @@ def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
 
 OCCLUDED_PX = 1.0
 """A pixel is hidden in the right view where another of more than this much more disparity lands on the same place."""
+
+
+def is_known(disparity: Float32Array | Float64Array) -> BoolArray:
+    """True where a disparity was given; below 0 it is of something far in a rig with doffs."""
+    return np.isfinite(disparity) & (disparity != 0)
 
 
 def disparity_errors(mine: Float32Array, truth: Float32Array, region: BoolArray | None = None) -> dict[str, float]:

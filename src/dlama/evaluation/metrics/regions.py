@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.evaluation.metrics.depth import is_known
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.holes import box_mean, dilate_mask
 from dlama.geometry.projection import inverse_depth, px_from_px
@@ -240,11 +241,6 @@ def warp_row(
     outside[border:] = known[border:] = True
     border = max(int(np.floor(landing.min())) - int(columns[0]), 0)  # 0 but in a rig with doffs
     outside[:border] = known[:border] = True
-
-
-def is_known(disparity: Float32Array | Float64Array) -> BoolArray:
-    """True where a disparity was given; below 0 it is of something far in a rig with doffs."""
-    return np.isfinite(disparity) & (disparity != 0)
 
 
 def outside_contact_band(mask: BoolArray) -> BoolArray:
