@@ -83,6 +83,12 @@ class Law:
         _aligned[self] = scene.frames, aligned
         return aligned
 
+    def of_far(self) -> Law:
+        """The law of the far pixels alone."""
+        return Law(
+            tuple((camera, np.where(np.isposinf(known), known, np.float32(0))) for camera, known in self.measured)
+        )
+
     def cropped(self, view: View, rows: slice, columns: slice) -> Law:
         """The law for a part of a view (`View.cropped`): measurements of the view's own camera are cropped as well."""
         part = view.camera.cropped_to(rows, columns)

@@ -92,6 +92,14 @@ def out_of_view(w: np.ndarray, label: np.ndarray, hole: np.ndarray, candidates: 
     return CoarseCells(camera, hole, np.zeros_like(hole), w, label, candidates)
 
 
+def half_seen_wall(sky_rows: int = 0) -> CoarseCells:
+    """A wall of .25 1/m in 40 x 60 cells below so many rows of sky; the first 24 columns are out of view."""
+    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int8)
+    w[:sky_rows], label[:sky_rows] = 0, 0
+    candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
+    return out_of_view(w, label, np.indices(w.shape)[1] < 24, candidates)
+
+
 def test_a_plane_continues_between_two_parts_of_it() -> None:
     """By hand: a wall seen on both sides of a removed object, in rows 10 and below, sky above: it continues in those rows alone,
     and hides the sky there; where it is seen on one side alone nothing is said."""
@@ -102,7 +110,7 @@ def test_a_plane_continues_between_two_parts_of_it() -> None:
     candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.3, 0, 0.25)])
     camera = Camera.from_fov(60, 40, 60)
     cells = CoarseCells(camera, hole, hole, w, label, candidates)
-    lines = PlaneLines.of(cells)._replace(along=np.array([[1.0, 0.0, 0.0]]))
+    lines = PlaneLines.of(cells, np.zeros((1, *hole.shape), np.bool_))._replace(along=np.array([[1.0, 0.0, 0.0]]))
     on, hidden = continue_between(lines, cells, np.ones(1, np.bool_), hole)
     between = np.zeros_like(hole)
     between[10:30, 20:40] = True
@@ -111,14 +119,22 @@ def test_a_plane_continues_between_two_parts_of_it() -> None:
     assert not on[:2].any() and not hidden[[0, 2]].any()
 
 
+def test_a_plane_has_ended_where_the_sky_was_seen_through_it() -> None:
+    """By hand: a plane seen in the right half, and in rows 10 to 19 six columns of the hole in which it cannot be: lines from
+    left of those look past it there, and find it above and below; its costs are PAST and CONTINUED_COST."""
+    cells, past = half_seen_wall(), np.zeros((1, 40, 60), np.bool_)
+    past[0, 10:20, 12:18] = True
+    on, cost = follow_lines(PlaneLines.of(cells, past), cells, np.ones(1, bool))
+    np.testing.assert_allclose(cost[2, 12:18, 2:8], PAST, atol=1e-3)
+    assert not on[2, 12:18, 2:8].any() and (on[2, [4, 30], 2:8] > 0.99).all()
+    assert (cost[2, [4, 30], 2:8] < 0.6 * CONTINUED_COST).all()
+
+
 def test_cost_of_a_wall_that_continues_and_of_one_that_has_ended() -> None:
     """Closed form: t cells from a wall seen over 36, below its top, it costs CONTINUED_COST log(1 + t / 36), the sky behind it
     log(1 + 36 / t); at the height of the sky next to it, PAST, and the sky nothing."""
-    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int8)
-    w[:20], label[:20] = 0, 0
-    candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
-    cells = out_of_view(w, label, np.indices(w.shape)[1] < 24, candidates)
-    on, cost = follow_lines(PlaneLines.of(cells), cells, np.ones(1, bool))
+    cells = half_seen_wall(sky_rows=20)
+    on, cost = follow_lines(PlaneLines.of(cells, np.zeros((1, 40, 60), np.bool_)), cells, np.ones(1, bool))
     away = 24 - np.arange(4, 20)
     for row in (26, 34):
         np.testing.assert_allclose(on[2, row, 4:20], 1, atol=1e-3)
@@ -182,7 +198,7 @@ def table_on_a_floor(tabletop: bool = True, round_one: bool = False) -> tuple[Pl
     candidates = np.stack([np.zeros_like(w), np.zeros_like(w), on_table, on_floor]).astype(np.float32)
     hole = columns >= 150
     cells = CoarseCells(WIDE, hole, np.zeros_like(hole), w, label, candidates)
-    lines = PlaneLines.of(cells)
+    lines = PlaneLines.of(cells, np.zeros((len(candidates) - 2, *hole.shape), np.bool_))
     return lines, align_lines_to_edges(lines, cells)
 
 

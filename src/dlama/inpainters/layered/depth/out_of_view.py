@@ -2,8 +2,9 @@
 out.
 
 A wall that the border cuts continues along its horizontals. Of planes visible over T cells and continued over t, the share T /
-(T + t) continues for t more. A plane hides what is behind it. It has ended where its line looks past it, at the sky above or at
-a surface behind its end. Where no line meets the plane, it was never seen to extend there.
+(T + t) continues for t more. A plane hides what is behind it. It has ended where its line looks past it, at the sky above, at
+a surface behind its end, or where a source camera saw the sky through it. Where no line meets the plane, it was never seen to
+extend there.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilate_mask, distance_to, repeat_cells
+from dlama.geometry.holes import dilate_mask, repeat_cells
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -106,15 +107,22 @@ class PlaneLines(NamedTuple):
     """K x 3, homogeneous, in cells: vanishing point of each plane's horizontals."""
     across: NDArray[np.float64]
     """K x 3: vanishing point of its lines at right angles to them."""
+    past: BoolArray
+    """K x h x w, the hole cells in which a source camera saw the sky through each plane."""
+    away: Float32Array
+    """K x h x w distance to known cells, or such, in cells."""
     by_edges: BoolArray
     """K, True where lines run along the plane's own edges (`plane_edges`): a table top, which hangs over what is below it."""
 
     @classmethod
-    def of(cls, cells: CoarseCells) -> PlaneLines:
-        """Of the planes of a grid."""
+    def of(cls, cells: CoarseCells, past: BoolArray) -> PlaneLines:
+        """Of the planes of a grid; past: see the field."""
         planes = plane_coefficients(cells.candidates[2:])
         points = vanishing_points(planes, cells.camera, cells.plane_cells)
-        return cls(planes, *points, np.zeros(len(planes), np.bool_))
+        away = np.zeros(past.shape, np.float32)
+        for k, there in enumerate(past):
+            away[k] = cv2.distanceTransform((cells.hole & ~there).view(np.uint8), cv2.DIST_L2, 5)
+        return cls(planes, *points, past, away, np.zeros(len(planes), np.bool_))
 
 
 def seen_on_lines(
@@ -135,7 +143,7 @@ def seen_on_lines(
     first = np.full((len(lines.planes), height, width), -1, np.float32)
     found = Found(first, np.zeros_like(first), np.zeros(first.shape, np.int8))
     directions = Directions(lines.planes, towards, followed, cells.horizon)
-    over = Cells(cells.inverse_depth, cells.label, cells.hole, distance_to(~cells.hole))
+    over = Cells(cells.inverse_depth, cells.label, cells.hole, lines.past, lines.away)
     in_bands(line_rows, height, directions, over, asking, stride, found, band=8)
     return found
 

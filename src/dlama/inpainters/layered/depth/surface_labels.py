@@ -86,7 +86,7 @@ class CoarseView(CoarseCells):
         """h x w x L cost of each label after belief propagation (lower is better)."""
         distances = begin_job(self.distance_to_known, context)
         followed = self.followed_planes()
-        lines = align_lines_to_edges(PlaneLines.of(self), self)
+        lines = align_lines_to_edges(PlaneLines.of(self, self.seen_through(context, followed)), self)
         followed |= lines.by_edges
         on, penalty = follow_lines(lines, self, followed)
         if self.removed is not None:
@@ -151,6 +151,18 @@ class CoarseView(CoarseCells):
         """h x w, True in parts of the hole that neither meet known sky nor leave the view: a wall has no window onto the sky."""
         known_sky = ~self.hole & (self.label == SKY)
         return self.hole & ~regions_touching(self.hole, self.unseen | dilate_mask(known_sky, 2))
+
+    def seen_through(self, context: FillContext, followed: BoolArray) -> BoolArray:
+        """K x h x w, True in hole cells in which a source camera saw the sky through a followed plane (K): it has ended there."""
+        out = np.zeros((len(followed), *self.hole.shape), np.bool_)
+        if context.sky is None or not followed.any():
+            return out
+        far = context.law.of_far()
+        for k in np.flatnonzero(followed):
+            there = self.hole & (self.candidates[k + 2] > self.horizon)
+            depth = LEEWAY / np.maximum(self.candidates[k + 2], np.float32(self.horizon))
+            out[k] = far.violations(self.camera, depth.astype(np.float32), there)
+        return out
 
     def out_of_order(self) -> BoolArray:
         """(L - 1) x h x w, True where sky or a plane would lie behind a plane that it is never seen behind.

@@ -27,8 +27,10 @@ class Cells(NamedTuple):
     """h x w inverse depth of known cells."""
     label: NDArray[np.int8]
     hole: BoolArray
+    past: BoolArray
+    """K x h x w, the hole cells in which a source camera saw the sky through each plane."""
     away: Float32Array
-    """h x w distance to known cells, in cells."""
+    """K x h x w distance to known cells, or such, in cells."""
 
 
 class Directions(NamedTuple):
@@ -57,7 +59,7 @@ class Found(NamedTuple):
 def shown_at(cells: Cells, own: Whole, r: Whole, c: Whole, value: Real) -> Whole:
     """What a cell shows of a plane of inverse depth `value` there: 1 the plane, -1 what is behind it, 0 neither: something stands
     before the plane, which may continue behind it, or another one meets it."""
-    known = np.float64(cells.w[r, c])
+    known = np.float64(0.0 if cells.hole[r, c] else cells.w[r, c])
     if known > SAME * value:
         return 0
     if known * SAME < value:
@@ -71,7 +73,7 @@ def follow_line(
 ) -> tuple[Real, Real]:
     """(first, length): cells to plane `number` along a line, and the length over which it is seen. Length 0: the line looks
     behind it; first -1: undecided."""
-    hole, away = cells.hole, cells.away
+    hole, past, away = cells.hole, cells.past, cells.away
     plane, own = directions.planes[number], number + 1
     height, width = hole.shape
     y, x = np.float64(row), np.float64(column)
@@ -86,8 +88,8 @@ def follow_line(
         value = plane[0] * x + plane[1] * y + plane[2]
         if r < 0 or c < 0 or r >= height or c >= width or value <= directions.horizon:
             break
-        if hole[r, c]:
-            jump = np.float64(away[r, c]) - 1.5
+        if hole[r, c] and not past[own - 1, r, c]:
+            jump = np.float64(away[own - 1, r, c]) - 1.5
             continue
         jump = 1.0
         shown = shown_at(cells, own, r, c, value)
