@@ -83,6 +83,12 @@ def _ending_cost() -> None:
     _replace("inpainters.layered.depth.surface_labels", "ending_cost", lambda *rest: np.float32(0))
 
 
+def _hanging() -> None:
+    _replace(
+        "inpainters.layered.depth.out_of_view", "has_ended", lambda first, length, **_: (first > 0) & (length == 0)
+    )
+
+
 def _between() -> None:
     def nothing(lines: Any, cells: Any, *rest: Any) -> tuple[Any, Any]:
         return (np.zeros(cells.candidates.shape, np.float32),) * 2
@@ -231,6 +237,7 @@ RULES: dict[str, Callable[[], None]] = {
     "enclosed-sky": _of_coarse("enclosed_by_surfaces", lambda self: np.zeros_like(self.hole)),
     "floating": _of_coarse("floating", lambda self, label: np.zeros_like(self.hole)),
     "between": _between,
+    "hanging": _hanging,
     "ending-cost": _ending_cost,
     "seams": _seams,
     "whole-occluders": _whole_occluders,

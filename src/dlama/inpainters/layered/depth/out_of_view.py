@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilate_mask, repeat_cells
+from dlama.geometry.holes import dilate_mask, morphological_close, repeat_cells
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -41,6 +41,8 @@ MOST_HIDDEN = 3.0
 """Largest cost of surfaces hidden by such a plane: log(1 + T / t)."""
 PAST = 2.0
 """Cost of a plane where its line looks past it, and where no line meets it."""
+FLOATING = 41
+"""Cells up to which the ends of a plane above and below are connected: no plane hangs in the air."""
 IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
 ENDING_COST = 1.0
@@ -163,7 +165,7 @@ def follow_lines(lines: PlaneLines, cells: CoarseCells, followed: BoolArray) -> 
     hidden = np.zeros_like(few[0])
     for k in 2 + np.flatnonzero(followed):
         value = few[0][k]
-        ends = (first[k - 2] > 0) & (length[k - 2] == 0)  # its line looks past it
+        ends = has_ended(first[k - 2], length[k - 2], floating=lines.by_edges[k - 2])
         there = (length[k - 2] > 0) & ~ends
         farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
         few_on[k] = there
@@ -214,6 +216,21 @@ def ending_cost(cells: CoarseCells, followed: BoolArray, beyond: Float32Array, j
             out[number] = ENDING_COST * unseen
     out[0] = np.where(np.isinf(beyond), CROWN_COST, np.minimum(2 * beyond / jump, ENDING_COST)) * unseen
     return out
+
+
+def has_ended(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:
+    """h x w, True where a plane has ended: its line looks past it or, unless `floating`, the cell lies between such cells
+    (FLOATING) or a border.
+
+    first, length: h x w, as of `seen_on_lines`, of one plane.
+    """
+    past = (first > 0) & (length == 0)
+    if floating:
+        return past
+    above = np.cumsum(first > 0, axis=0) == 0
+    reach = FLOATING // STRIDE | 1
+    closed = morphological_close(np.pad(past | above, ((reach, reach), (0, 0))), np.ones((reach, 1), np.uint8))
+    return np.asarray(past | (closed[reach:-reach] & (length > 0)))
 
 
 def enlarge_strided(values: Float32Array, hw: tuple[int, ...]) -> Float32Array:
