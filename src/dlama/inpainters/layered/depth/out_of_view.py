@@ -150,9 +150,11 @@ def seen_on_lines(
     return found
 
 
-def follow_lines(lines: PlaneLines, cells: CoarseCells, followed: BoolArray) -> tuple[Float32Array, Float32Array]:
+def follow_lines(
+    lines: PlaneLines, cells: CoarseCells, followed: BoolArray, sky: bool = True
+) -> tuple[Float32Array, Float32Array]:
     """(on, cost), both L x h x w, 0 except in cells out of view: 0..1, how far a label is visible along its line; cost of each
-    label. followed: K, the planes that are followed.
+    label. followed: K, the planes that are followed; sky: whether the scene has any, in which a plane could hang.
     """
     candidates, unseen, hw = cells.candidates, cells.unseen, cells.hole.shape
     on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
@@ -165,7 +167,7 @@ def follow_lines(lines: PlaneLines, cells: CoarseCells, followed: BoolArray) -> 
     hidden = np.zeros_like(few[0])
     for k in 2 + np.flatnonzero(followed):
         value = few[0][k]
-        ends = has_ended(first[k - 2], length[k - 2], floating=lines.by_edges[k - 2])
+        ends = has_ended(first[k - 2], length[k - 2], floating=lines.by_edges[k - 2] or not sky)
         there = (length[k - 2] > 0) & ~ends
         farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
         few_on[k] = there

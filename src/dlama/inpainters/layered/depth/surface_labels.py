@@ -88,7 +88,7 @@ class CoarseView(CoarseCells):
         followed = self.followed_planes()
         lines = align_lines_to_edges(PlaneLines.of(self, self.seen_through(context, followed)), self)
         followed |= lines.by_edges
-        on, penalty = follow_lines(lines, self, followed)
+        on, penalty = follow_lines(lines, self, followed, context.sky is not None)
         if self.removed is not None:
             between, hidden = continue_between(lines, self, followed, self.removed)
             on, penalty = np.maximum(on, between), penalty + hidden
