@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera
@@ -101,13 +102,17 @@ class Law:
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W bool, True at pixels of `where` (H x W bool) whose `depth` (H x W metres, seen from `camera`) breaks the law."""
         broken, chosen = np.zeros(depth.shape, np.bool_), where & (depth > 0)
-        pixels = kernels.Pixels(np.flatnonzero(chosen).astype(np.int32), depth[chosen], depth.shape[1])
-        found = np.zeros(len(pixels.places), np.bool_)
+        broken[chosen] = self.violations_at(camera, np.flatnonzero(chosen), depth[chosen])
+        return broken
+
+    def violations_at(self, camera: Camera, places: NDArray[np.intp], depth: Float32Array) -> BoolArray:
+        """N bool, True at the flat `places` (N) of the view of `camera` where `depth` (N metres, > 0) breaks the law."""
+        pixels = kernels.Pixels(places.astype(np.int32), depth, camera.width)
+        found = np.zeros(len(places), np.bool_)
         for source, measured in self.measured:
             to_source = px_from_px(source, camera), as_input(measured)
             in_bands(kernels.violations, len(found), pixels, *to_source, found, band=BAND)
-        broken[chosen] = found
-        return broken
+        return found
 
     def project(self, camera: Camera, depth: Float32Array, where: BoolArray) -> tuple[Float32Array, BoolArray]:
         """Depth (H x W metres, seen from `camera`) with the pixels of `where` (H x W bool) moved outwards on their rays to the

@@ -114,9 +114,12 @@ def flat_cells(joined: UInt8Array, origin: UInt8Array) -> BoolArray:
 
 def without_specks(origin: UInt8Array) -> UInt8Array:
     """H x W origins in which specks of SPECK pixels that a sensor left open, or measured, are as most pixels round them."""
-    open_, measured = (origin == each for each in (Origin.DEPTH_FILLED, Origin.MEASURED))
-    most = cv2.medianBlur(open_.view(np.uint8), SPECK) > 0 if origin.size else open_
-    return np.where(open_ | measured, np.where(most, Origin.DEPTH_FILLED, Origin.MEASURED), origin).astype(np.uint8)
+    open_ = origin == Origin.DEPTH_FILLED
+    if not open_.any():
+        return origin
+    most = cv2.medianBlur(open_.view(np.uint8), SPECK) > 0
+    either = np.where(most, np.uint8(Origin.DEPTH_FILLED), np.uint8(Origin.MEASURED))
+    return np.where(open_ | (origin == Origin.MEASURED), either, origin)
 
 
 def covered_pixels(halves: tuple[BoolArray, ...], hw: tuple[int, ...]) -> BoolArray:

@@ -139,9 +139,7 @@ def upsample_labels(
     pixels, leaves = leaves_of()
     nearer = out[leaves] > out[pixels]
     pixels, leaves = pixels[nearer], leaves[nearer]
-    extended = np.zeros(hw, np.float32)
-    extended.ravel()[pixels] = depth_from_inverse(out[leaves])
-    lawful = ~law.violations(view.camera, extended, extended > 0).ravel()[pixels]
+    lawful = ~law.violations_at(view.camera, pixels, depth_from_inverse(out[leaves]))
     pixels, leaves = pixels[lawful], leaves[lawful]
     out[pixels], label[pixels] = out[leaves], SMOOTH
     return Surfaces(known.inverse_depth, known.label, known.planes, np.stack([pixels, leaves]))
