@@ -43,8 +43,9 @@ def paint(picture: np.ndarray, hole: BoolArray, seed: int = 0) -> np.ndarray:
 
     Parts of the hole that lie farther apart than it looks are filled side by side, each within its box: the same pixels.
     """
-    if len(picture) == 1:  # of a single row OpenCV reads memory that it did not set
-        return paint(picture.repeat(3, 0), hole.repeat(3, 0))[1:2]
+    for axis in (0, 1):
+        if hole.shape[axis] == 1:  # of a single row or column OpenCV reads memory that it did not set
+            return paint(picture.repeat(3, axis), hole.repeat(3, axis)).take([1], axis)
     square = np.ones((2 * RADIUS + 1, 2 * RADIUS + 1), np.uint8)
     parts, boxes = cv2.connectedComponentsWithStats(cv2.dilate(hole.view(np.uint8), square))[1:3]
     out, order = picture.copy(), 1 + np.argsort(-boxes[1:, cv2.CC_STAT_AREA], kind="stable")
