@@ -30,7 +30,6 @@ from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, percent
 from dlama.perception.depth_scale import describe_depth_source
-from dlama.perception.diagnosis.depth_code import CODES, DEPTH_AS_INVERSE
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.registration import correlate_edges
@@ -146,13 +145,8 @@ def _examine_picture(
         found.append(Finding("orientation", "note", 0.5, differs, CLEAR_TAG))
     found += _compare_with_exif(rgbd.camera, image)
     names = image.name, depth.name, "mask" if mask is None else Path(mask).name
-    seen = Observed.of(rgbd, names, removed, _units(depth, reading))
+    seen = Observed.of(rgbd, names, removed, _units(depth, reading), reading["inverse_depth"])
     found += run_checks(seen)
-    if reading["inverse_depth"]:
-        check, (what, mend) = CODES["inverse"][0], DEPTH_AS_INVERSE
-        found = [
-            replace(each, what=f"{depth.name}: {what}", mend=mend) if each.check == check else each for each in found
-        ]
     if reading["resize_depth"] is None:
         found += check_terraces(seen)
     parts = [*describe_frame(rgbd), f"{percent(rgbd.depth == 0)} missing", f"{percent(rgbd.far)} far"]

@@ -103,14 +103,8 @@ def read_rgbd(
     why = "and a depth file contradict each other: it is for pictures without depth; give one of them"
     _refuse({**given, "depth_model": depth_model}, why)
     color = read_color(image)
-    hw = color.shape[:2]
-    metres = read_depth(depth, **values, far=far, inverse=inverse_depth)
-    if far is None:
-        warn_of_far_plane(depth, metres)
-        warn_of_missing_code(depth, metres)
-    _check_same_view(image, depth, hw, (metres.shape[0], metres.shape[1]))
-    metres = fit_depth(image, depth, metres, color, resize_depth)
-    used = camera_for(hw, image=image, **lens)[0]
+    metres = _read_measured(image, depth, color, {**values, "far": far, "inverse": inverse_depth}, resize_depth)
+    used = camera_for(color.shape[:2], image=image, **lens)[0]
     rgbd = RGBD(freeze(color), freeze(metres / ray_lengths(used) if radial_depth else metres), used)
     if (depth_scale or depth_range) is None:
         warn_of_unit(depth, rgbd)
@@ -122,6 +116,18 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
     for name, value in options.items():
         if value is not None:
             raise InputError(f"`{name}` {why}")
+
+
+def _read_measured(
+    image: PathLike, depth: PathLike, color: UInt8Array, reading: Mapping[str, Any], how: str | None
+) -> Float32Array:
+    """Depth of a file at its picture's size; reading: the options of `read_depth`, how: `resize_depth`."""
+    metres = read_depth(depth, **reading)
+    if reading["far"] is None:
+        warn_of_far_plane(depth, metres)
+        warn_of_missing_code(depth, metres)
+    _check_same_view(image, depth, color.shape[:2], (metres.shape[0], metres.shape[1]))
+    return fit_depth(image, depth, metres, color, how)
 
 
 def _estimate_rgbd(

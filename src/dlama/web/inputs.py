@@ -22,7 +22,7 @@ from dlama.web.form import read_form
 
 ROLES: dict[str, tuple[str, ...]] = {
     "picture": SUFFIXES,
-    "depth": (".png", ".tif", ".tiff", ".exr", ".pfm", ".npy", ".npz", ".pcd"),
+    "depth": (".png", ".tif", ".tiff", ".pgm", ".exr", ".pfm", ".npy", ".npz", ".pcd"),
     "camera": (".json", ".txt", ".yaml", ".yml"),
     "right": SUFFIXES,
     "calib": (".txt", ".json", ".yaml", ".yml"),

@@ -10,7 +10,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from dlama.errors import FileError, InputError
-from dlama.perception.stereo.matching import transfer_disparity
+from dlama.perception.stereo.consistency import transfer_disparity
 from dlama.perception.stereo.networks import NetworkMatcher, StereoContract
 from tiny_networks import saved
 

@@ -18,7 +18,8 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array, mark_far
 from dlama.perception.diagnosis.stereo_pair import find_many_unmatched, find_pair_fault, refuse_identical
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
 from dlama.perception.sky import drop_plain_infinity
-from dlama.perception.stereo.matching import Matcher, disparity_pair, transfer_disparity
+from dlama.perception.stereo.consistency import transfer_disparity
+from dlama.perception.stereo.matching import Matcher, disparity_pair
 from dlama.perception.stereo.networks import NetworkMatcher
 
 

@@ -25,7 +25,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.confidence import judge_fill
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.surfaces import continue_surfaces
-from dlama.perception.stereo.matching import nearest_columns
+from dlama.perception.stereo.consistency import nearest_columns
 
 MOST_FOR_GAIN = 500_000
 """Matched pixels of which the gain between two pictures is found."""

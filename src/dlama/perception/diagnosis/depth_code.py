@@ -61,8 +61,6 @@ CODES = {
     ),
 }
 """Coding other than plain depth -> name of the check, what it is, what fixes it."""
-DEPTH_AS_INVERSE = "holds depth, read as inverse depth, so that near and far are swapped", "leave out `inverse_depth`"
-"""What it means and what fixes it where depth was read as 1 / the values of the file and is `inverse`."""
 
 
 def check_depth_code(seen: Observed) -> list[Finding]:
@@ -71,8 +69,10 @@ def check_depth_code(seen: Observed) -> list[Finding]:
     if best not in CODES or not lead.reaches(LEAST):
         return []
     check, holds, mend = CODES[best]
-    what = f"{seen.names[1]}: holds {holds}; planes of the scene are flat so, and bent as depth"
-    return [Finding(check, "fault", certainty(lead.t - LEAST.t + 1, 0.8), what, mend)]
+    what = f"holds {holds}; planes of the scene are flat so, and bent as depth"
+    if seen.inverted and best == "inverse":
+        what, mend = "holds depth, read as inverse depth, so that near and far are swapped", "leave out `inverse_depth`"
+    return [Finding(check, "fault", certainty(lead.t - LEAST.t + 1, 0.8), f"{seen.names[1]}: {what}", mend)]
 
 
 def looks_inverse(depth: NDArray[np.floating]) -> bool:

@@ -63,13 +63,20 @@ class Observed:
     """Values a metre that the depth file was read with; None: no option says how it is read."""
     names: tuple[str, str, str] = ("image", "depth", "mask")
     """How messages call the three."""
+    inverted: bool = False
+    """Depth was read as 1 / the values of the file."""
 
     @classmethod
     def of(
-        cls, rgbd: RGBD, names: tuple[str, str, str], mask: BoolArray | None = None, units: float | None = None
+        cls,
+        rgbd: RGBD,
+        names: tuple[str, str, str],
+        mask: BoolArray | None = None,
+        units: float | None = None,
+        inverted: bool = False,
     ) -> Observed:
         """A frame that was read."""
-        return cls(rgbd.color, rgbd.depth.astype(np.float64), rgbd.camera, mask, units, names)
+        return cls(rgbd.color, rgbd.depth.astype(np.float64), rgbd.camera, mask, units, names, inverted)
 
     @property
     def valid(self) -> BoolArray:

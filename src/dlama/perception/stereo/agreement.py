@@ -13,7 +13,7 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, fill_with_nearest, morphological_close
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
-from dlama.perception.stereo.matching import TOLERANCE_PX, nearest_columns
+from dlama.perception.stereo.consistency import TOLERANCE_PX, nearest_columns
 
 BAND_ROWS = 128
 """Rows that are compared at a time: it takes 80 bytes a pixel."""

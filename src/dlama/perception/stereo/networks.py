@@ -18,7 +18,7 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.models.cache import user_path
 from dlama.models.contracts import ColorContract
 from dlama.models.network_file import NetworkFile, open_kept
-from dlama.perception.stereo.matching import keep_consistent, zero_where_unknown
+from dlama.perception.stereo.consistency import keep_consistent, zero_where_unknown
 
 
 @dataclass(frozen=True)

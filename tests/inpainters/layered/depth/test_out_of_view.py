@@ -131,6 +131,18 @@ def test_a_plane_has_ended_where_the_sky_was_seen_through_it() -> None:
     assert (cost[2, [4, 30], 2:8] < 0.6 * CONTINUED_COST).all()
 
 
+def test_a_strip_of_wall_between_its_ends_hangs_only_where_there_is_sky() -> None:
+    """By hand: lines left of columns in which the plane cannot be look past it, but for rows 14 to 23: with sky in the scene the
+    plane has ended there, too; in a room it continues."""
+    cells, past = half_seen_wall(), np.zeros((1, 40, 60), np.bool_)
+    past[0, :14, 12:18] = past[0, 24:, 12:18] = True
+    lines = PlaneLines.of(cells, past)
+    for sky in (True, False):
+        on, cost = follow_lines(lines, cells, np.ones(1, bool), sky)
+        np.testing.assert_allclose(cost[2, [4, 34], 2:8], PAST, atol=1e-3)
+        assert (on[2, 18, 2:8] > 0.99).all() != sky and (cost[2, 18, 2:8] > 0.99 * PAST).all() == sky
+
+
 def test_cost_of_a_wall_that_continues_and_of_one_that_has_ended() -> None:
     """Closed form: t cells from a wall seen over 36, below its top, it costs CONTINUED_COST log(1 + t / 36), the sky behind it
     log(1 + 36 / t); at the height of the sky next to it, PAST, and the sky nothing."""
@@ -154,8 +166,8 @@ def test_nothing_hangs_in_the_air() -> None:
     first[:4, 2] = -1
     ended = has_ended(first, length)
     assert ended[:, 0].all() and ended[:10, 1].all() and not ended[10:, 1].any() and ended[4:, 2].all()
-    floating = has_ended(first, length, floating=True)
-    np.testing.assert_array_equal(floating, (first > 0) & (length == 0))
+    past_alone = has_ended(first, length, between=False)
+    np.testing.assert_array_equal(past_alone, (first > 0) & (length == 0))
 
 
 def test_the_horizon_is_that_of_the_floor() -> None:

@@ -41,7 +41,7 @@ MOST_HIDDEN = 3.0
 """Largest cost of surfaces hidden by such a plane: log(1 + T / t)."""
 PAST = 2.0
 """Cost of a plane where its line looks past it, and where no line meets it."""
-FLOATING = 41
+LARGEST_GAP = 41
 """Cells up to which the ends of a plane above and below are connected: no plane hangs in the air."""
 IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
@@ -167,7 +167,7 @@ def follow_lines(
     hidden = np.zeros_like(few[0])
     for k in 2 + np.flatnonzero(followed):
         value = few[0][k]
-        ends = has_ended(first[k - 2], length[k - 2], floating=lines.by_edges[k - 2] or not sky)
+        ends = has_ended(first[k - 2], length[k - 2], between=sky and not lines.by_edges[k - 2])
         there = (length[k - 2] > 0) & ~ends
         farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
         few_on[k] = there
@@ -220,17 +220,17 @@ def ending_cost(cells: CoarseCells, followed: BoolArray, beyond: Float32Array, j
     return out
 
 
-def has_ended(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:
-    """h x w, True where a plane has ended: its line looks past it or, unless `floating`, the cell lies between such cells
-    (FLOATING) or a border.
+def has_ended(first: Float32Array, length: Float32Array, between: bool = True) -> BoolArray:
+    """h x w, True where a plane has ended: its line looks past it or, with `between`, the cell lies between such cells
+    (LARGEST_GAP) or a border.
 
     first, length: h x w, as of `seen_on_lines`, of one plane.
     """
     past = (first > 0) & (length == 0)
-    if floating:
+    if not between:
         return past
     above = np.cumsum(first > 0, axis=0) == 0
-    reach = FLOATING // STRIDE | 1
+    reach = LARGEST_GAP // STRIDE | 1
     closed = morphological_close(np.pad(past | above, ((reach, reach), (0, 0))), np.ones((reach, 1), np.uint8))
     return np.asarray(past | (closed[reach:-reach] & (length > 0)))
 
