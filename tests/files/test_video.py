@@ -64,6 +64,21 @@ def test_colours_of_a_video_do_not_depend_on_a_guess(
     assert not caplog.records  # an option that the container does not have
 
 
+@pytest.mark.parametrize(
+    ("name", "hw", "limits"),
+    [("a.mp4", (1, 40), "2 to 16384"), ("a.mkv", (2, 16386), "2 to 16384"), ("a.webp", (16384, 2), "1 to 16383")],
+)
+def test_pictures_that_a_format_cannot_hold_are_refused(
+    tmp_path: Path, name: str, hw: tuple[int, int], limits: str
+) -> None:
+    """Oracle: the limits of H.264 and of WebP, whose encoders ended in tracebacks; a line, and nothing is left."""
+    with pytest.raises(
+        InputError, match=f"the pictures are {hw[1]}x{hw[0]}; {Path(name).suffix} has sides of {limits} px"
+    ):
+        write_video(tmp_path / name, [np.zeros((*hw, 3), np.uint8)])
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_cannot_be_a_video_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another ending, two sizes; and without PyAV a line with what to install."""
     with pytest.raises(InputError, match=r"output is a\.avi; a name that ends in \.mp4"):

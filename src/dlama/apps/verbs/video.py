@@ -65,6 +65,7 @@ def video(
         check_file_apart(output, {"what is shown": source})
         scene = read_scene_of(source, **vars(frames)).scene
         cameras = path_for(moving.path, scene, moving.seconds, moving.fps, moving.width)
+        check_video(output, moving.fps, cameras[0].hw)
         how = given_options(filler)
         chosen = choose_filler(scene.has_estimated_depth, how.pop("filler", AUTO), how.get("model")).name
         views = dlama.render_path(scene, cameras, filler=chosen, **how)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -10,22 +10,22 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.errors import InputError, OutputError, ShapeError, import_extra, system_errors
+from dlama.errors import InputError, OutputError, ShapeError, format_size, import_extra, system_errors
 from dlama.geometry.rgbd import UInt8Array
 from dlama.writing.atomic_write import PathLike, new_file
 
 VIDEOS, ANIMATIONS = (".mp4", ".mov", ".mkv"), (".webp", ".gif")
 BT_709, SRGB, LIMITED = 1, 13, 1
 """Codes of ITU-T H.273: of primaries and of the way from RGB to YCbCr; of the transfer curve; of the range 16 to 235."""
-
-
+LARGEST_SIDES = {".webp": 16383, ".gif": 65535}
+"""px of a side that animations have at most; videos have sides of 2 to 16384, as H.264."""
 GIF_STEP_MS, FASTEST_GIF = 10, 50
 """GIF counts hundredths of a second; players show a picture of one of them for ten."""
 
 
-def check_video(path: PathLike, fps: float = 24.0) -> None:
-    """Raise before anything is computed: InputError for a name of another kind, or more pictures a second than it can hold;
-    MissingExtraError without what writes it."""
+def check_video(path: PathLike, fps: float = 24.0, hw: Sequence[int] = (2, 2)) -> None:
+    """Raise before anything is computed: InputError for a name of another kind, more pictures a second, or larger or smaller ones
+    (`hw`), than it can hold; MissingExtraError without what writes it."""
     suffix = Path(path).suffix.lower()
     if suffix not in (*VIDEOS, *ANIMATIONS):
         raise InputError(
@@ -34,6 +34,9 @@ def check_video(path: PathLike, fps: float = 24.0) -> None:
         )
     if suffix == ".gif" and fps > FASTEST_GIF:
         raise InputError(f"`fps` is {fps:g}; a GIF has at most {FASTEST_GIF} pictures a second, WebP and MP4 have more")
+    least, most = (2, 16384) if suffix in VIDEOS else (1, LARGEST_SIDES[suffix])
+    if not least <= min(hw[:2]) <= max(hw[:2]) <= most:
+        raise InputError(f"the pictures are {format_size(hw)}; {suffix} has sides of {least} to {most} px")
     if suffix in VIDEOS:
         _av()
 
@@ -46,17 +49,19 @@ def write_video(path: PathLike, pictures: Iterable[UInt8Array], fps: float = 24.
     that differ), OutputError; nothing half-written is left.
     """
     check_video(path, fps)
-    frames = _check_sizes(pictures)
+    frames = _check_sizes(path, pictures)
     with new_file(path) as draft:
         if Path(path).suffix.lower() in VIDEOS:
             return _encode_video(draft, frames, fps)
         return _write_animation(draft, frames, fps)
 
 
-def _check_sizes(pictures: Iterable[UInt8Array]) -> Iterator[UInt8Array]:
+def _check_sizes(path: PathLike, pictures: Iterable[UInt8Array]) -> Iterator[UInt8Array]:
     first = None
     for picture in pictures:
-        first = picture.shape if first is None else first
+        if first is None:
+            first = picture.shape
+            check_video(path, hw=first)
         if picture.shape != first:
             raise ShapeError(f"a picture of a video is {picture.shape} and the first one {first}; one size is expected")
         yield picture
