@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import pickle
+import zipfile
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image, ImageFile
 
+import dlama
 from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import LONGEST, DlamaError, FileError, InputError, MissingExtraError, OutputError
+from dlama.files.rasters.depth import read_depth
 
 
 def test_a_message_with_a_very_long_value_is_shortened() -> None:
@@ -41,3 +48,21 @@ def test_errors_travel_between_processes(error: DlamaError) -> None:
     """Round trip: a pool that sends results by pickle breaks where it cannot send an error."""
     again = pickle.loads(pickle.dumps(error))
     assert type(again) is type(error) and str(again) == str(error) and vars(again) == vars(error)
+
+
+def test_no_file_is_damaged_where_memory_runs_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the MemoryError that a decoder raises, by which the verbs and a batch know what happened."""
+    color, depth, scene = (tmp_path / name for name in ("a.png", "a.npy", "scene.npz"))
+    Image.new("RGB", (4, 4)).save(color)
+    np.save(depth, np.ones((4, 4)))
+    np.savez(scene, a=1)
+
+    def run_out(*_: Any, **__: Any) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(ImageFile.ImageFile, "load", run_out)
+    monkeypatch.setattr(np.lib.format, "read_magic", run_out)
+    monkeypatch.setattr(zipfile.ZipFile, "infolist", run_out)
+    for read, path in ((dlama.read_color, color), (read_depth, depth), (dlama.read_scene, scene)):
+        with pytest.raises(MemoryError):
+            read(path)  # type: ignore[operator]

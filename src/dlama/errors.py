@@ -171,11 +171,11 @@ def system_errors(kind: type[DlamaError]) -> Iterator[None]:
 def any_error(kind: type[DlamaError], message: str) -> Iterator[None]:
     """Context: what a decoder raises, which can be anything, becomes one of `kind`: `message (its first line)`.
 
-    Errors of dlama pass.
+    Errors of dlama pass, and MemoryError, for which no file is to blame.
     """
     try:
         yield
-    except DlamaError:
+    except (DlamaError, MemoryError):
         raise
     except Exception as error:
         raise kind(f"{message} ({first_line(error)})") from error

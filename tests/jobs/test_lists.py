@@ -30,7 +30,7 @@ def test_all_forms_say_the_same(tmp_path: Path) -> None:
         ("b/c", "view", {"fov": 60.0, "image": "/whole/y.png", "yaw": -4.5}, None),
     ]
     (tmp_path / "jobs.jsonl").write_text("\n".join(map(json.dumps, ROWS)) + "\n\n")
-    lines = ["\ufeffid,verb,image,yaw,fov,_note", "a,view,x.png,3,,hi", "", "b/c, view ,/whole/y.png,-4.5,,"]
+    lines = ["\ufeffid,verb,image,yaw,fov,_note", "a,view,x.png,3,,hi", "", ",,,, ,", "b/c, view ,/whole/y.png,-4.5,,"]
     (tmp_path / "jobs.csv").write_text("\n".join(lines), encoding="utf-8")
     assert jobs_of(tmp_path / "jobs.jsonl") == jobs_of(tmp_path / "jobs.csv") == expected
 

@@ -108,6 +108,30 @@ def test_what_waits_is_packed_by_the_next_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("in_this_process")
+@pytest.mark.parametrize("entered", [0, 2])
+def test_a_run_killed_while_it_packs_leaves_no_second_sample(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entered: int
+) -> None:
+    """A shard is whole, and only `entered` of its rows are in the manifest (oracle: every id in one shard, once)."""
+    rows, add = view_rows(5), Manifest.add
+    left = [entered]
+
+    def add_some(manifest: Manifest, row: JobResult) -> None:
+        if row.folder.startswith("shards/"):
+            left[0] -= 1
+            if left[0] < 0:
+                raise KeyboardInterrupt
+        add(manifest, row)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Manifest, "add", add_some)
+        run(tmp_path, rows, pack=4)
+    assert keys(tmp_path / "out")["000000.tar"] == [row["id"] for row in rows[:4]]
+    assert sum(not row.kept for row in run(tmp_path, rows, pack=4)) == 1
+    assert sorted(chain(*keys(tmp_path / "out").values())) == [row["id"] for row in rows]
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_a_run_that_packed_nothing_is_packed_by_a_later_one(tmp_path: Path) -> None:
     """Oracle: shards of the same list packed at once; nothing is done twice, and no folder of a result is left."""
     rows = view_rows(5)

@@ -93,6 +93,8 @@ def read_array(path: PathLike, key: str) -> np.ndarray:
                 return plane_of(file, read_npy(stream, part.file_size))
     except FileError as error:
         raise error if str(error).startswith(str(file)) else FileError(f"{file}: {error}") from error
+    except MemoryError:
+        raise
     except Exception as error:  # ValueError, EOFError, BadZipFile, zlib.error, ...
         raise FileError(f"{file}: is no whole NPY or NPZ file ({first_line(error)})") from error
 

@@ -127,6 +127,8 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
         raise FileError(f"{file}: has no array called {error}; a scene.npz of dlama is expected") from error
     except DlamaError as error:
         raise FileError(f"{file}: {error}") from error
+    except MemoryError:
+        raise
     except Exception as error:  # BadZipFile, zlib.error, EOFError, ValueError, ...
         raise FileError(f"{file}: is damaged, truncated or no NPZ file ({error})") from error
 

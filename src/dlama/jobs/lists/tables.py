@@ -34,7 +34,7 @@ def _csv_rows(path: str) -> Iterator[Row]:
         try:
             header = _csv_header(f"{path}: line 1", next(reader, []))
             for line in reader:
-                if line:
+                if any(value.strip() for value in line):  # a cleared row of a spreadsheet is commas alone
                     yield _csv_row(f"{path}: line {reader.line_num}", header, line)
         except csv.Error as error:
             raise FileError(f"{path}: line {reader.line_num} is no CSV: {error}") from error
