@@ -57,6 +57,17 @@ def test_there_and_back(tmp_path: Path, hw: tuple[int, int], cache: PixelCache |
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "scene.npz").read_bytes()
 
 
+def test_a_file_that_was_written_again_is_no_longer_read(tmp_path: Path) -> None:
+    """Law: a scene keeps its pixels. Of a large one, which is read as it is needed, those of the new file came, as of a removal
+    that was written in its place."""
+    write_npz(tmp_path / "scene.npz", view_of(0), Scene((view_of(1, (5, 7)),)))
+    back = read_npz(tmp_path / "scene.npz", PixelCache(0))[1]
+    write_npz(tmp_path / "scene.npz", view_of(0), Scene((view_of(2, (2, 7)),)))
+    with pytest.raises(FileError, match="was written again after its scene was read"):
+        back.frames[0].load()
+    assert read_npz(tmp_path / "scene.npz", PixelCache(0))[1].frames[0].load().camera.hw == (2, 7)
+
+
 @pytest.mark.parametrize("cache", [None, PixelCache()])
 def test_a_boxed_layer_comes_back_in_its_box(tmp_path: Path, cache: PixelCache | None) -> None:
     """Law: what is drawn of a layer is its box, whose noise says where surfaces are cut: a scene read back is drawn alike."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -112,12 +112,16 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
     if not Path(path).exists():
         raise FileError(f"{printable_name(path)}: no such file; {HOW_WRITTEN}")
     file = existing_file(path)
+    stamp = stamp_of(file)
     try:
         with zipfile.ZipFile(file) as archive:
             total = _check_claims(archive, file)
             held = None if cache is None and total <= CACHE_BYTES else (cache or PixelCache())
             layers, objects = (
-                [_layer(archive, prefix, file, held) for prefix in _prefixes(name, archive)]
+                [
+                    _layer(archive, prefix, partial(read_layer, file, prefix, stamp), held)
+                    for prefix in _prefixes(name, archive)
+                ]
                 for name in ("layer", "object")
             )
             whole = _arrays_of(archive, "")
@@ -141,18 +145,29 @@ def _check_claims(archive: zipfile.ZipFile, file: Path) -> int:
     return total
 
 
-def _layer(archive: zipfile.ZipFile, prefix: str, file: Path, cache: PixelCache | None) -> Layer:
+def _layer(archive: zipfile.ZipFile, prefix: str, read_again: Callable[[], View], cache: PixelCache | None) -> Layer:
     camera, view = _camera_and_view(prefix, _arrays_of(archive, prefix))
-    layer = view if cache is None else StoredView(view.camera, partial(read_layer, file, prefix), cache, view)
+    layer = view if cache is None else StoredView(view.camera, read_again, cache, view)
     return layer if camera is None else BoxedView(camera, layer)
 
 
 @system_errors(FileError)
-def read_layer(file: Path, prefix: str) -> View:
+def read_layer(file: Path, prefix: str, stamp: tuple[int, int] | None = None) -> View:
     """One layer of a scene.npz, whose arrays have names that begin like that: layer0_, object0_; of a boxed one its part. Raises
-    FileError."""
+    FileError, also where the file has another `stamp_of` than the one that is given: its layers are others."""
+    if stamp is not None and stamp != stamp_of(file):
+        raise FileError(
+            f"{file}: was written again after its scene was read, whose pixels are read when they are needed; "
+            "read it again, and give results another place"
+        )
     with zipfile.ZipFile(file) as archive:
         return _camera_and_view(prefix, _arrays_of(archive, prefix))[1]
+
+
+def stamp_of(file: Path) -> tuple[int, int]:
+    """Size and time of change: by these a file that was written again is known."""
+    found = file.stat()
+    return found.st_size, found.st_mtime_ns
 
 
 def _camera_and_view(prefix: str, arrays: Mapping[str, np.ndarray]) -> tuple[Camera | None, View]:
