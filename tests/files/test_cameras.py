@@ -181,6 +181,20 @@ def test_a_camera_of_open3d(tmp_path: Path) -> None:
         read_camera(tmp_path / "camera_intrinsic.json", hw=(240, 320))
 
 
+def test_a_view_saved_in_the_window_of_open3d(tmp_path: Path) -> None:
+    """Oracle: Open3D's PinholeCameraParameters, what its window saves by P: world to camera, column by column. A camera 3 m to
+    the right, turned left by 90 degrees, has its x axis along the world's z and looks back along the world's x."""
+    lens = {"height": 480, "intrinsic_matrix": [525.0, 0, 0, 0, 526.0, 0, 319.5, 239.5, 1], "width": 640}
+    columns = [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 3, 1]
+    view = {"class_name": "PinholeCameraParameters", "extrinsic": columns, "intrinsic": lens, "version_major": 1}
+    camera = read_camera(saved(tmp_path / "ScreenCamera.json", json.dumps(view)))
+    assert (camera.wh, camera.fy, camera.cx) == ((640, 480), 526, 320)
+    np.testing.assert_array_equal(camera.world_from_cam[:3], [[0, 0, -1, 3], [0, 1, 0, 0], [1, 0, 0, 0]])
+    twice = json.dumps(view | {"extrinsic": [2 * number for number in columns]})
+    with pytest.raises(CameraError, match=r"Twice\.json: world_from_cam .*is expected"):
+        read_camera(saved(tmp_path / "Twice.json", twice))
+
+
 @pytest.mark.parametrize(
     "text",
     [

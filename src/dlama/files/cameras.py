@@ -27,6 +27,7 @@ from dlama.files.fields import (
 )
 from dlama.files.rasters.images import read_stored
 from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
+from dlama.geometry.motion.poses import invert_pose
 from dlama.perception.diagnosis.lens import check_lens, looks_like_radians
 from dlama.writing.atomic_write import PathLike, write_file
 
@@ -75,11 +76,14 @@ def read_camera_fields(path: PathLike) -> FileFields:
             f"{path}: holds a list of {len(found)} cameras, one camera is expected; `dlama sequence SCENE --views {path}` and "
             f"`dlama video SCENE --path {path}` take a list (SCENE: the folder of a data set, or a scene.npz)"
         )
-    fields = fields_of(path, found)
+    fields, view = fields_of(path, found), dict[str, Any]()
+    if "intrinsic" in fields and "extrinsic" in fields:  # of Open3D's window: a lens, and world to camera
+        view["world_from_cam"] = invert_pose(np.reshape(fields.numbers("extrinsic", 16), (4, 4)).T)
+        fields = fields.part("intrinsic", fields.values["intrinsic"])
     if "intrinsic_matrix" in fields:  # of Open3D: K column by column
-        size = {name: fields.values[name] for name in ("width", "height") if name in fields}
+        view |= {name: fields.values[name] for name in ("width", "height") if name in fields}
         K = np.reshape(fields.numbers("intrinsic_matrix", 9), (3, 3)).T.tolist()
-        return FileFields(path, {"K": K, "pixel_center": 0.0, **size})
+        return FileFields(path, {"K": K, "pixel_center": 0.0, **view})
     if "dlama" in fields:  # a meta.json: the camera of image.png, of estimated depth, or of a 3-D photo's picture
         own = fields.values.get("camera", fields.values.get("source_camera"))
         fields = fields.part(
