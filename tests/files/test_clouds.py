@@ -71,6 +71,19 @@ def test_ply_of_others(tmp_path: Path) -> None:
     assert (back.origin == 1).all() and (back.confidence == 1).all()
 
 
+@pytest.mark.parametrize("values", [(99, 200, "u1"), (-3.5, np.nan, "f4")])
+def test_what_others_call_origin_and_confidence_is_not_ours(tmp_path: Path, values: tuple[float, float, str]) -> None:
+    """Closed form: numbers that are no code and no share of 1, as Metashape's confidence of 0 to 255: measured, 1. `dlama show`
+    ended in an IndexError."""
+    origin, confidence, kind = values
+    names = [(name, "f4") for name in "xyz"] + [(name, "u1") for name in ("red", "green", "blue")]
+    vertex = np.zeros(4, [*names, ("origin", kind), ("confidence", kind)])
+    vertex["origin"], vertex["confidence"] = origin, confidence
+    PlyData([PlyElement.describe(vertex, "vertex")]).write(str(tmp_path / "other.ply"))
+    back = read_ply(tmp_path / "other.ply")
+    assert (back.origin == 1).all() and (back.confidence == 1).all()
+
+
 def test_bad_ply(tmp_path: Path) -> None:
     bare = np.zeros(4, [("x", "f4"), ("y", "f4"), ("z", "f4")])
     PlyData([PlyElement.describe(bare, "vertex")]).write(str(tmp_path / "bare.ply"))

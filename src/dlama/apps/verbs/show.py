@@ -30,7 +30,8 @@ def show(
     """Shows a completed scene, a point cloud or a data set in 3-D: one page that turns, by picture, origin or confidence.
 
     Args:
-        what: scene.npz or scene.ply of a result, any PLY, the folder of a result, or of a data set with posed frames.
+        what: scene.npz or scene.ply of a result, any PLY with colours, the folder of a result, or of a data set with posed
+            frames.
         output: The page, which loads nothing else.
         max_points: Of more points so many are drawn, by lot.
         open_browser: The page is written and no browser is opened.

@@ -40,7 +40,8 @@ def write_ply(path: PathLike, cloud: PointCloud) -> None:
 def read_ply(path: PathLike) -> PointCloud:
     """The vertices of a PLY file with x y z and 8-bit red green blue.
 
-    Files of other programs have no `origin` (taken as measured) and no `confidence` (taken as 1). Raises FileError.
+    Files of other programs have no `origin` (taken as measured) and no `confidence` (taken as 1), or mean something else by these
+    names, in other numbers. Raises FileError.
     """
     file = existing_file(path)
     vertex = _read_vertices(file)
@@ -51,10 +52,18 @@ def read_ply(path: PathLike) -> PointCloud:
         raise FileError(f"{file}: red green blue are {color.dtype}; uchar (0..255) is expected")
     if not np.isfinite(points).all():
         raise FileError(f"{file}: {int((~np.isfinite(points)).any(axis=1).sum())} points are not finite")
-    names = vertex.dtype.names or ()
-    origin = vertex["origin"] if "origin" in names else np.full(len(vertex), Origin.MEASURED)
-    confidence = vertex["confidence"] if "confidence" in names else np.ones(len(vertex))
-    return PointCloud(points, color, np.asarray(origin, np.uint8), np.asarray(confidence, np.float32))
+    origin = _own_values(vertex, "origin", max(Origin), Origin.MEASURED)
+    confidence = _own_values(vertex, "confidence", 1.0, 1.0)
+    return PointCloud(points, color, origin.astype(np.uint8), confidence.astype(np.float32))
+
+
+def _own_values(vertex: np.ndarray, name: str, largest: float, default: float) -> np.ndarray:
+    """A property as `write_ply` has it, from 0 to `largest`; where it is not there, or another program's, the default."""
+    if name in (vertex.dtype.names or ()):
+        values = np.asarray(vertex[name])
+        if values.dtype.kind in "iuf" and ((values >= 0) & (values <= largest)).all():
+            return values
+    return np.full(len(vertex), default)
 
 
 def _read_vertices(file: Path) -> np.ndarray:
