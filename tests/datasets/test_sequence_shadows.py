@@ -10,6 +10,7 @@ import pytest
 
 import dlama
 from dlama.apps.cli import main
+from dlama.datasets.sequences import completion
 from dlama.datasets.sequences.loading import open_frames
 from dlama.errors import InputError
 from dlama.files.rasters.masks import write_mask
@@ -63,3 +64,11 @@ def test_a_shadow_of_nothing_is_refused(tmp_path: Path) -> None:
     dlama.write(dlama.complete(frame("img-0")[0], [CAMERAS["img-0"]], filler="telea"), tmp_path / "one", only=["scene"])
     with pytest.raises(InputError, match="with_shadow is for a removed object; give its masks"):
         dlama.sequence(tmp_path / "one" / "scene.npz", with_shadow=True)
+
+
+def test_an_earlier_removal_is_no_object_of_this_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where its shadow seems to stay, the option is not advised that the test above refuses."""
+    monkeypatch.setattr(completion, "shadow_of", lambda found: dict(zip(completion.SHADOW, (500, 1000))))
+    rgbd, mask, _ = frame("img-0")
+    earlier = dlama.write(dlama.remove(rgbd, mask, filler="telea"), tmp_path / "one", only=["scene"])
+    assert dlama.sequence(earlier / "scene.npz").write(tmp_path / "out", only=["colmap"])["remaining_shadow"] == ""

@@ -136,7 +136,7 @@ class SequenceCompletion:
             "masked_frames": [loaded.names[number] for number in sorted(self._masks)],
             **done.shares(self.cameras),
             CLIPPED: done.count_clipped(),
-            "remaining_shadow": done.shadow,
+            "remaining_shadow": done.shadow if self._masks else "",
             "views_from_earlier_run": done.reused,
             **write_views(target, done.scene, self.cameras, loaded.names, chosen, masked),
             "seconds": round(time.perf_counter() - started, 3),
