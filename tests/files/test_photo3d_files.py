@@ -154,6 +154,13 @@ def test_borders_are_smooth() -> None:
     assert (np.abs(seen[14:34, 17:46].astype(int) - (200, 20, 20)) <= 1).all()
 
 
+def test_open_pixels_are_not_black() -> None:
+    """Oracle: a scene of one colour, in which nothing is filled, is drawn in that colour from elsewhere."""
+    seen = WORLD.rgbd(CAMERA)
+    scene = dlama.scene([RGBD(np.full_like(seen.color, 200), seen.depth, CAMERA)])
+    assert np.all(module.draw_smooth(scene, dlama.orbit(CAMERA, 8, pivot=3)) == 200)
+
+
 def test_the_loop_ends_where_it_begins(photo: Photo3D, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As many pictures as are said, of the picture's size, each of them a stage, drawn once for both files."""
     pytest.importorskip("av")

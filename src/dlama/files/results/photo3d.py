@@ -27,6 +27,7 @@ from dlama.files.scenes.spz import write_spz
 from dlama.files.scenes.textured_mesh import bring_near
 from dlama.files.scenes.usdz import check_usd, write_usdz
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.layers.layered_mesh import farthest_surface, mesh_layers
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import UInt8Array
@@ -173,9 +174,11 @@ def resize_to(camera: Camera, width: int) -> Camera:
 
 
 def draw_smooth(scene: Scene, camera: Camera) -> UInt8Array:
-    """H x W x 3: a camera's picture, drawn at twice its size and reduced: borders are smooth, and move by less than a pixel."""
-    large = render(scene, camera.resized(2 * camera.width, 2 * camera.height), types=False).color
-    return np.asarray(cv2.resize(large, camera.wh, interpolation=cv2.INTER_AREA), np.uint8)
+    """H x W x 3: a camera's picture, drawn at twice its size and reduced: borders are smooth, and move by less than a pixel.
+    The few pixels that no fill shows, which are wider there, take the nearest colour."""
+    large = render(scene, camera.resized(2 * camera.width, 2 * camera.height), types=False)
+    color = fill_with_nearest(large.color, ~large.hole)
+    return np.asarray(cv2.resize(color, camera.wh, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def drop_errors(scene: Scene) -> Scene:
