@@ -57,7 +57,7 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
 
 
 def set_up_stage(stage: Any, middle: Float64Array) -> None:
-    """Metres, y up, axes as glTF has them, one root, which stands where `middle` is (metres): the camera is the origin."""
+    """Metres, y up, axes as glTF has them, one root, which stands where `middle` is (metres)."""
     geometry = _usd("UsdGeom")
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
     geometry.SetStageMetersPerUnit(stage, 1.0)
