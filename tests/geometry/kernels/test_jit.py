@@ -5,6 +5,7 @@ Oracles: every row once, exceptions seen, a child process that has no threads ye
 
 from __future__ import annotations
 
+import errno
 import functools
 import gc
 import importlib.util
@@ -21,9 +22,10 @@ from types import ModuleType
 import numba
 import numpy as np
 import pytest
+from numba.core.caching import IndexDataCacheFile
 from numba.core.event import Event, Listener, install_listener
 
-from dlama.geometry.kernels import jit
+from dlama.geometry.kernels import jit, stored
 from dlama.geometry.kernels.jit import begin_job, in_bands
 
 
@@ -159,7 +161,7 @@ def without_cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "file" / "numba"))
     for name in ("XDG_CACHE_HOME", "HOME", "LOCALAPPDATA"):
         monkeypatch.setenv(name, str(tmp_path / "file"))
-    jit._warn_not_kept.cache_clear()
+    stored.warn_not_kept.cache_clear()
 
 
 @pytest.mark.usefixtures("without_cache_folder")
@@ -180,6 +182,34 @@ def test_compiled_kernels_lie_next_to_the_package_where_that_can_be_written(tmp_
     """No warning (warnings are errors here), and a file of machine code after the first call."""
     imported_from(tmp_path).double(np.ones(3))
     assert list((tmp_path / "__pycache__").glob("two_kernels.double*.nbc"))
+
+
+@pytest.mark.usefixtures("without_cache_folder")
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_files_of_kernels_that_a_crash_left_empty_are_written_again(tmp_path: Path, kind: str) -> None:
+    """Oracle: the kernel's result, and a whole file afterwards; no warning (warnings are errors here)."""
+    imported_from(tmp_path).double(np.ones(3))
+    (file,) = (tmp_path / "__pycache__").glob(f"two_kernels.double*.{kind}")
+    file.write_bytes(b"")
+    values = np.ones(3)
+    imported_from(tmp_path).double(values)
+    assert (values == 2).all() and file.stat().st_size > 0
+
+
+@pytest.mark.usefixtures("without_cache_folder")
+def test_where_the_disk_is_full_kernels_work_and_a_warning_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The result is right, and no index is left that names a file which is not the kernel's."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(IndexDataCacheFile, "_save_data", full)
+    values = np.ones(3)
+    with pytest.warns(UserWarning, match=r"cannot be kept.*the disk is full"):
+        imported_from(tmp_path).double(values)
+    assert (values == 2).all() and not list((tmp_path / "__pycache__").glob("*.nbi"))
 
 
 class Collecting(Listener):

@@ -37,10 +37,10 @@ if (
         f"the environment variable {THREADS_VARIABLE} is {asked!r}; a whole number, 1 or more, is expected"
     )
 
-from llvmlite.binding import parse_assembly  # noqa: E402
 from numba import config, njit  # noqa: E402
-from numba.core.caching import CompileResultCacheImpl, FunctionCache  # noqa: E402
 from numba.core.event import Event, Listener, register  # noqa: E402
+
+from dlama.geometry.kernels.stored import KernelCache, warn_not_kept  # noqa: E402
 
 if vars(config)["DISABLE_JIT"]:
     # NumPy 2 computes float32 with a Python number in float32; machine code does in float64, as NumPy 1 did
@@ -59,10 +59,6 @@ np.empty(KEPT, np.uint8)
 LOG = logging.getLogger("dlama.kernels")
 """Says, once a process, that kernels are being compiled (at level INFO; the command line shows it)."""
 COMPILING = "compiling kernels that no earlier command needed, which takes about 10 seconds; later runs find them ready"
-NOT_KEPT = (
-    "compiled kernels cannot be kept, for neither the package's folder nor the user's cache can be written: every run compiles "
-    "them again, which takes about 10 seconds; set NUMBA_CACHE_DIR to a folder that can be written"
-)
 
 Whole = int | np.int64
 """A whole number between kernels and their pieces; to numba both are int64."""
@@ -94,34 +90,9 @@ def kernel(function: Loop) -> Loop:
     except RuntimeError as error:
         if "cannot cache" not in str(error):
             raise
-        _warn_not_kept()
+        warn_not_kept()
+        _LISTENER.announced = True  # the warning says it already
     return dispatcher
-
-
-class StoredKernel(CompileResultCacheImpl):
-    """What numba keeps of a kernel, but for the code that others would be linked with: no kernel is a part of another one, and
-    reading it took half the time of a load. In its place stand the names that are looked up in it."""
-
-    def reduce(self, cres: Any) -> Any:
-        """What is stored of a compiled kernel."""
-        (name, kind, (machine_code, _)), about, *others = super().reduce(cres)
-        names = about.llvm_func_name, about.llvm_cpython_wrapper_name
-        stubs = "\n".join(f'define void @"{one}"() {{\n unreachable\n}}' for one in names)
-        return (name, kind, (machine_code, parse_assembly(stubs).as_bitcode())), about, *others
-
-
-class KernelCache(FunctionCache):
-    """numba's cache on disk, without the types and functions that it prepares for a compilation at every load.
-
-    A third of a second for the first kernel of a process; numba prepares them again before it compiles anything.
-    """
-
-    _impl_class = StoredKernel
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The compiled kernel of that signature; None where it is not on disk."""
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
 
 
 def compiled(function: Loop, **options: bool) -> Loop:
@@ -131,12 +102,6 @@ def compiled(function: Loop, **options: bool) -> Loop:
     takes half the time so.
     """
     return cast("Loop", cast(Any, njit)(error_model="numpy", no_cfunc_wrapper=True, _nrt=False, **options)(function))
-
-
-@functools.cache
-def _warn_not_kept() -> None:
-    warnings.warn(NOT_KEPT, UserWarning, stacklevel=3)
-    _LISTENER.announced = True  # the warning says it already
 
 
 def piece(function: Loop) -> Loop:
