@@ -70,3 +70,16 @@ def test_a_process_leaves_its_share_on_disk(tmp_path: Path) -> None:
     kept = {file.name.rpartition("-")[0] for file in tmp_path.rglob("*.nbi")}
     share = ahead.listed_kernels("view")[::-1][::16]
     assert kept == {words[1].rpartition(".")[2].replace(":", ".") for words in share}
+
+
+def test_what_is_compiled_ahead_and_cannot_be_kept_is_no_success(tmp_path: Path) -> None:
+    """Oracle: the exit code, with files of no byte as on a full disk; `dlama warm-up` counted such kernels as found on disk."""
+    resource = pytest.importorskip("resource")  # not on Windows
+
+    def fill_disk() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+
+    command = [sys.executable, "-m", ahead.__name__, "view", "0", "1000"]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    ended = subprocess.run(command, env=environment, preexec_fn=fill_disk, stderr=subprocess.PIPE, text=True)
+    assert ended.returncode and "cannot be kept" in ended.stderr

@@ -19,7 +19,7 @@ def warm_up(*, report: Report) -> None:
         running = start_compiling("all", processor_count())
         if any([one.wait() for one in running]):  # noqa: C419  (all of them end)
             raise OutputError(
-                "kernels could not be compiled: `python -m dlama.geometry.kernels.ahead all 0 1` says why"
+                "kernels could not be compiled, or not be kept: `python -m dlama.geometry.kernels.ahead all 0 1` says why"
             )
         count = len(listed_kernels())
         line = f"{format_count(count, 'kernel')} compiled or found on disk, {time.perf_counter() - started:.1f} s"

@@ -12,11 +12,13 @@ import pkgutil
 import re
 import subprocess
 import sys
+import warnings
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from dlama.geometry.kernels.jit import threads
+from dlama.geometry.kernels.stored import NOT_KEPT
 
 LISTED = Path(__file__).parents[2] / "assets" / "kernels.txt"
 """A line for each kernel, in the order of need: jobs, `module:name`, types. `benchmarks/kernels.py` makes it."""
@@ -75,6 +77,7 @@ def help_compiling(job: str) -> None:
 
 
 if __name__ == "__main__":
+    warnings.filterwarnings("error", NOT_KEPT[:40])  # it would compile for nothing
     gc.disable()  # it ends soon, and looking for garbage at its end alone takes half a second
     compile_listed(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
     gc.freeze()
