@@ -54,4 +54,8 @@ def test_hole_picture_and_legend() -> None:
         ("out of view 20.0 %", HOLE_PALETTE[HoleType.OUT_OF_VIEW]),
         ("object 1.0 %", HOLE_PALETTE[HoleType.OBJECT]),
     ]
+    small, large = np.full((2, 2), HoleType.OBJECT, np.uint8), np.zeros((9, 30), np.uint8)
+    assert hole_legend(small, large) == [
+        ("object 50.0 %", HOLE_PALETTE[HoleType.OBJECT])
+    ]  # as the title, not by pixels
     assert percent(1e-5) == "<0.1 %" and percent(0) == "0.0 %"

@@ -17,14 +17,10 @@ from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike
 
 
-def hole_legend(hole_type: UInt8Array) -> list[tuple[str, RGB]]:
-    """(name with its share of the picture, colour) of the hole types that occur, for a sheet's legend."""
-    counts = {code: np.count_nonzero(hole_type == code) for code in HoleType if code}
-    return [
-        (f"{name_code(code)} {percent(count / hole_type.size)}", HOLE_PALETTE[code])
-        for code, count in counts.items()
-        if count
-    ]
+def hole_legend(*pictures: UInt8Array) -> list[tuple[str, RGB]]:
+    """(name with its share, the mean of the pictures of hole types as in `title`, colour) of those that occur, for a legend."""
+    shares = {code: float(np.mean([(types == code).mean() for types in pictures])) for code in HoleType if code}
+    return [(f"{name_code(code)} {percent(share)}", HOLE_PALETTE[code]) for code, share in shares.items() if share]
 
 
 def name_code(code: HoleType | Origin) -> str:
@@ -43,8 +39,8 @@ REMOVED: RGB = (255, 60, 60)
 
 def write_preview(path: PathLike, completion: Completion) -> None:
     """Write the preview of one completion as a picture, colour and depth. Raises OutputError."""
-    types = np.concatenate([before.hole_type.ravel() for before in completion.warped])
-    write_contact_sheet(path, title(completion), panels(completion), hole_legend(types))
+    legend = hole_legend(*(before.hole_type for before in completion.warped))
+    write_contact_sheet(path, title(completion), panels(completion), legend)
 
 
 def title(completion: Completion) -> str:
