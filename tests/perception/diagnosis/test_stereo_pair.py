@@ -20,7 +20,9 @@ from dlama.perception.diagnosis.stereo_pair import (
 )
 
 Array = np.ndarray
-KNOWN = np.ones((512, 512), np.float32)
+DEPTH = dlama.read_rgbd(dlama.example() / "street.jpg", dlama.example() / "depth.png", fov=90).depth
+KNOWN = np.float32(256 * 0.12) / DEPTH
+"""px, of the pair that comes with the package: focal length times baseline over depth."""
 
 
 def demo() -> tuple[Array, Array]:
@@ -42,12 +44,28 @@ def test_a_good_pair_raises_no_doubt() -> None:
     assert len(offsets) > 300 and np.median(abs(offsets[:, 1])) < 0.3 and (offsets[:, 0] > 0).mean() > 0.9
 
 
-@pytest.mark.parametrize("name", ["cone", "Cloth3", "motorcycle"])
-def test_middlebury_raises_no_doubt(data_dir: Path, name: str) -> None:
-    """Law: published rectified pairs."""
+@pytest.mark.parametrize(("name", "units"), [("cone", 4), ("Cloth3", 2), ("motorcycle", 1)])
+def test_middlebury_raises_no_doubt(data_dir: Path, name: str, units: int) -> None:
+    """Law: published rectified pairs with their true disparity; in other units it is not theirs."""
     folder = data_dir / "data" / (name if name == "motorcycle" else f"stereo/{name}")
     left, right = dlama.read_color(folder / "left.png"), dlama.read_color(folder / "right.png")
-    assert find_pair_fault(left, right, np.ones(left.shape[:2], np.float32)) is None
+    file = folder / "disp_left.png"
+    stored = cv2.imread(str(file), -1) if file.is_file() else np.load(folder / "disparity.npz")["disparity"]
+    true = np.where(np.isfinite(stored), stored, 0).astype(np.float32) / units
+    assert find_pair_fault(left, right, true) is None
+    assert "in pixels" in str(find_pair_fault(left, right, 2 * true))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [np.where(np.isinf(DEPTH), 0, DEPTH), 4 * KNOWN, KNOWN / 256, -KNOWN],
+    ids=["depth", "x4", "/256", "negative"],
+)
+def test_the_disparity_of_something_else_is_named(given: Array) -> None:
+    """Oracle: the corruption of the true one; one that nearly no corner has is not judged."""
+    assert "the disparity is that of only" in str(find_pair_fault(*demo(), given))
+    few = np.where(np.indices(given.shape)[0] < 500, np.float32(0), given)
+    assert "the disparity" not in str(find_pair_fault(*demo(), few))
 
 
 Pair = Callable[[Array, Array], tuple[Array, Array]]
