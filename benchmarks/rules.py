@@ -45,15 +45,13 @@ def _foliage() -> None:
 
 
 def _no_cut_crowns() -> None:
-    from dlama.inpainters.layered.depth import cut_objects as room
+    from dlama.inpainters.layered.depth.cut_objects import find_cut_objects
 
-    def plain(w: Any, label: Any, hole: Any, next_to: Any) -> Any:
-        loose = ~hole & (label == room.SMOOTH)
-        beyond = room.distance_to_unlabelled(loose)
-        nothing = np.zeros(loose.shape, np.int32)
-        return room.CutObjects(beyond, nothing, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
-
-    _replace("inpainters.layered.depth.surfaces", "find_cut_objects", plain)
+    _replace(
+        "inpainters.layered.depth.surfaces",
+        "find_cut_objects",
+        lambda *of, **_: find_cut_objects(*of, with_leaves=False),
+    )
 
 
 def _low_frequency() -> None:

@@ -40,6 +40,17 @@ def test_a_disc_continues_as_the_circle_that_it_is(inside: int) -> None:
     np.testing.assert_allclose(found.circle[1], (60, BORDER - inside, 20), atol=3)
 
 
+def test_without_leaves_a_disc_has_an_extent_alone() -> None:
+    """Law: in depth that resolves no leaves it ends as any object without a plane; nothing is numbered."""
+    disc = (np.hypot(ROWS - 60, COLUMNS - BORDER) <= 20) & ~GAPS
+    w = np.where(disc, OBJECT, WALL).astype(np.float32)
+    found = find_cut_objects(
+        w, np.where(disc, SMOOTH, 1).astype(np.int8), UNSEEN, dilate_mask(UNSEEN, 2), with_leaves=False
+    )
+    assert not found.number.any() and len(found.circle) == 1
+    assert np.isfinite(found.beyond).all() and found.beyond[60, BORDER + 1] == 0 < found.beyond[60, -1]
+
+
 @pytest.mark.parametrize(
     ("item", "end"),
     [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -51,6 +51,16 @@ def test_a_bush_continues_with_its_own_leaves_whoever_paints(filler: Inpainter) 
     np.testing.assert_allclose(done.color[unseen & inner & leaf].mean(0), GREEN, atol=8)
     np.testing.assert_allclose(done.color[unseen & inner & leaf].std(0), view.color[~unseen & bush].std(0), rtol=0.3)
     assert done.color[unseen & ~outer].mean() > 150
+
+
+def test_steps_of_estimated_depth_are_no_leaves() -> None:
+    """Law: the same bush as an estimate has no leaf to copy, for a network's depth resolves none; rendered, it has."""
+    rendered, _ = bush_before_a_wall()
+    estimated = rendered.with_planes(
+        origin=np.where(rendered.hole, rendered.origin, np.uint8(Origin.ESTIMATED)).astype(np.uint8)
+    )
+    found = [continue_surfaces(view, FillContext(Law(()))).leaves.shape[1] for view in (rendered, estimated)]
+    assert found[0] > 500 and found[1] == 0
 
 
 @pytest.mark.parametrize("seen", [False, True])

@@ -53,17 +53,22 @@ class CutObjects(NamedTuple):
     """N + 1 x 3: row and column of its centre and its radius, in cells; the first is 0."""
 
 
-def find_cut_objects(w: Float32Array, label: NDArray[np.int8], hole: BoolArray, adjacent: BoolArray) -> CutObjects:
+def find_cut_objects(
+    w: Float32Array, label: NDArray[np.int8], hole: BoolArray, adjacent: BoolArray, *, with_leaves: bool = True
+) -> CutObjects:
     """The extents of cut objects out of view.
 
-    w, label, hole: h x w inverse depth and label of the known cells; adjacent: h x w, cells next to the hole out of view.
+    w, label, hole: h x w inverse depth and label of the known cells; adjacent: h x w, cells next to the hole out of view;
+    with_leaves: whether depth could show leaves one by one.
     """
     loose = ~hole & (label == SMOOTH)
     number, depths, circles = np.zeros(loose.shape, np.int32), [0.0], [(0.0, 0.0, 0.0)]
     beyond = distance_to_unlabelled(loose)
-    leaves = loose & foliage(w, ~hole & (w > 0)) if (loose & adjacent).any() else np.zeros_like(loose)
-    cut = leaves & adjacent
-    if not cut.any():
+    cut = loose & adjacent
+    if with_leaves and cut.any():
+        leaves = loose & foliage(w, ~hole & (w > 0))
+        cut &= leaves
+    if not with_leaves or not cut.any():
         return CutObjects(beyond, number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
     for here, row, column, radius in cut_parts(w, leaves, cut):

@@ -10,11 +10,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.codes import HoleType
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.holes import fill_with_nearest, shrink_mask
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
@@ -98,7 +99,8 @@ def sample_grid(view: View, surfaces: KnownSurfaces, step: float, solid: bool = 
     # a cell that a hole touches is one: a hole one pixel wide must not be missed
     hole, w, label = shrink_mask(view.hole, camera.wh) > 0, surfaces.inverse_depth[pick], surfaces.label[pick]
     in_view = hole & (shrink_mask(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW.value), camera.wh) > 0)
-    cut = begin_job(find_cut_objects, w, label, hole, cells_near(hole & ~in_view))
+    with_leaves = Origin.ESTIMATED not in view.origins  # estimates are smooth: their steps are errors
+    cut = begin_job(partial(find_cut_objects, with_leaves=with_leaves), w, label, hole, cells_near(hole & ~in_view))
     smooth = surface_kernels.far_side(w, hole)
     candidates = np.concatenate(
         [smooth[None], np.zeros_like(smooth)[None], plane_values(surfaces.planes, camera.hw, step)]
