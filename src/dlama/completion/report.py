@@ -162,12 +162,19 @@ def warn_of_scale(depth: Float32Array) -> None:
         )
 
 
-def warn_of_disparity(rgbd: RGBD) -> None:
-    """A pair of which all is as far as the sky."""
-    if rgbd.far.any() and not rgbd.valid.any():
+def warn_of_disparity(rgbd: RGBD, limit: float | None) -> None:
+    """A pair of which all is as far as the sky; or most, of a disparity that was given and a `far` that was not. limit: metres of
+    that default."""
+    far, valid = np.count_nonzero(rgbd.far), np.count_nonzero(rgbd.valid)
+    if far and not valid:
         warn(
             "all of the pair is far: its disparities are next to nothing; check their unit (`disparity_scale` of a file), the "
             "order of the pictures and the calibration"
+        )
+    elif limit is not None and far > valid:
+        warn(
+            f"{far / (far + valid):.0%} of the pair is far: from {limit:.3g} m on disparities are less than half a pixel, which "
+            "counts as infinity; where they are as exact as that, give `far`"
         )
 
 

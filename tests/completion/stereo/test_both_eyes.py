@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import warnings
 from pathlib import Path
 from unittest import mock
 
@@ -234,6 +235,20 @@ def test_disparities_next_to_nothing_are_warned_of() -> None:
     at_left = np.full(pictures()[0].shape[:2], 1e-9, np.float32)
     with pytest.warns(UserWarning, match="all of the pair is far: its disparities are next to nothing"):
         assert stereo(*pictures(), RIG, disparity=at_left, filler="telea").source.far.all()
+
+
+def test_a_given_disparity_most_of_which_counts_as_infinity_is_warned_of() -> None:
+    """Closed form: f B / 0.4 px lies beyond f B / 0.5 px, the default of `far`; with a `far` beyond it, it has that depth. Three
+    quarters of a wall became sky without a word."""
+    at_left = np.full(pictures()[0].shape[:2], 0.4, np.float32)
+    at_left[::4] = 3
+    metres = RIG.left.fx * RIG.baseline_m / 0.4
+    with pytest.warns(UserWarning, match=rf"^75% of the pair is far: from {metres * 0.8:.3g} m on .*give `far`"):
+        assert stereo(*pictures(), RIG, disparity=at_left, filler="telea").source.far.mean() == 0.75
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        depth = stereo(*pictures(), RIG, disparity=at_left, far=2 * metres, filler="telea").source.depth
+    np.testing.assert_allclose(depth[1], metres, rtol=1e-6)
 
 
 def test_the_paper_removes_the_object_and_obeys_the_range() -> None:

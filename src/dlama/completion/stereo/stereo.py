@@ -123,7 +123,7 @@ def stereo(
     with clock("match"):
         pair = match_pair((left, right), rig, far, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
     warn_of_scale(pair.left.depth)
-    warn_of_disparity(pair.left)
+    warn_of_disparity(pair.left, pair.far if far is None and disparity is not None else None)
     found = mask(pair.left) if callable(mask) else mask
     masks = masks_of_pair(found, mask_right, pair)
     start, decisions = scene_of(pair.left), choice.decision
