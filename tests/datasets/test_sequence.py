@@ -18,6 +18,7 @@ from dlama.datasets.posed.nerfstudio import write_transforms
 from dlama.datasets.sequences import camera_paths
 from dlama.datasets.sequences import completion as module
 from dlama.datasets.sequences.loading import masks_by_number, open_frames, slice_frames
+from dlama.datasets.sequences.results import pictures
 from dlama.errors import FileError, InputError, OutputError
 from dlama.files.cameras import camera_as_json
 from dlama.files.rasters.masks import write_mask
@@ -322,6 +323,23 @@ def test_auto_is_the_filler_that_suits_the_scene(
         assert (meta["depth"], meta["filler"]) == (depth, filler)
         main(["video", f"{depth}/scene.npz", "-o", "v.webp", "--seconds", ".1", "--fps", "20", "--json"])
         assert json.loads(capsys.readouterr().out)["filler"] == filler
+
+
+def test_views_of_another_shape_are_not_distorted_in_a_video(tmp_path: Path) -> None:
+    """Closed form: a square of 8 x 8 px in a picture twice as wide and as high, but for its borders, is one of 4 x 4 px; black
+    beside it. It was drawn half as wide."""
+    (tmp_path / "images").mkdir()
+    square = np.full((48, 40, 3), 9, np.uint8)
+    square[20:28, 16:24] = 200
+    for name, color in (("one", np.full((24, 40, 3), 50, np.uint8)), ("other", square)):
+        write_color(tmp_path / "images" / f"{name}.png", color)
+    one, other = pictures(tmp_path, ["one", "other"])
+    assert one.shape == other.shape == (24, 40, 3) and (one == 50).all()
+    expected = np.full((24, 40), 0, np.uint8)
+    expected[:, 10:30], expected[10:14, 18:22] = 9, 200
+    np.testing.assert_array_equal(other[..., 0], expected)
+    (small,) = pictures(tmp_path, ["one"], widest=13)
+    assert small.shape == (8, 13, 3) and (small == 50).all()
 
 
 def test_the_recipe_of_the_paper_clips_frames(room: Path, tmp_path: Path) -> None:

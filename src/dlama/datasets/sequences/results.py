@@ -119,7 +119,7 @@ def write_views_video(folder: Path, names: Sequence[str]) -> str:
 
 
 def pictures(folder: Path, names: Sequence[str], widest: int | None = None) -> Iterator[UInt8Array]:
-    """The colours of views by name, scaled to the first one's size, and to a width where they are wider."""
+    """The colours of views by name, scaled into the first one's size, and to a width where it is wider."""
     size = None
     for name in names:
         color = read_color(folder / "images" / f"{name}.png")
@@ -127,5 +127,14 @@ def pictures(folder: Path, names: Sequence[str], widest: int | None = None) -> I
             height, width = color.shape[:2]
             scale = 1.0 if widest is None else min(1.0, widest / width)
             size = round(width * scale), round(height * scale)
-        same = color.shape[1::-1] == size
-        yield color if same else np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
+        yield color if color.shape[1::-1] == size else fit_into(color, size)
+
+
+def fit_into(color: UInt8Array, size: tuple[int, int]) -> UInt8Array:
+    """A picture (H x W x 3) scaled into a size (width, height), in black where its shape is another."""
+    scale = min(size[0] / color.shape[1], size[1] / color.shape[0])
+    width, height = (min(most, math.ceil(side * scale)) for side, most in zip(color.shape[1::-1], size))
+    small = cv2.resize(color, (width, height), interpolation=cv2.INTER_AREA)
+    left, above = (size[0] - width) // 2, (size[1] - height) // 2
+    borders = above, size[1] - height - above, left, size[0] - width - left
+    return np.asarray(cv2.copyMakeBorder(small, *borders, cv2.BORDER_CONSTANT), np.uint8)
