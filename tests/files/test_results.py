@@ -126,6 +126,8 @@ def test_of_a_scene_without_views_the_scene_is_written(tmp_path: Path) -> None:
     again = render(read_scene(tmp_path / "out" / "scene.npz"), orbit(CAMERA, 5))
     np.testing.assert_array_equal(again.color, render(done.scene, orbit(CAMERA, 5)).color)
     assert read_camera(tmp_path / "out" / "meta.json").same_view_as(CAMERA)
+    with pytest.raises(InputError, match="image is to be written, which the completion lacks"):
+        write(done, tmp_path / "more", only="image,scene")
 
 
 def test_a_failure_leaves_nothing(removal: Completion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,6 +170,10 @@ def test_only_what_is_asked_for_is_written(
         ({"only": ()}, ", ".join(RESULTS)),
         ({"also": ["scenes"]}, "also is 'scenes'; names of image"),
         ({"also": "mask"}, "also names mask, and mask is not given"),
+        (
+            {"only": ["disparity"]},
+            "disparity is to be written, which the completion lacks; disparity is of stereo pairs",
+        ),
     ],
 )
 def test_unknown_results_list_the_known(

@@ -85,7 +85,8 @@ def write(
         mask: H x W of the removed object, True = removed; what "mask" writes as mask.png.
 
     Raises:
-        InputError: a name in `only` or `also` that is not known, or "mask" without one; MaskError: that is none of the picture.
+        InputError: a name in `only` or `also` that is not known, or of what there is none, as "mask" without one; MaskError: that
+            is none of the picture.
         OutputError: the directory cannot be written, or a result would replace one of `inputs`.
         FileError: an input cannot be read.
     """
@@ -98,6 +99,11 @@ def write(
         mask = check_mask(mask, completion.source.camera.hw)
     target, started, inputs = Path(directory), time.perf_counter(), inputs or {}
     files = file_names(completion, names)
+    named = choose_names(only, also, tuple(RESULTS), ())
+    if absent := ", ".join(name for name in named if RESULTS[name][0] not in files):
+        raise InputError(
+            f"{absent} is to be written, which the completion lacks; disparity is of stereo pairs, pictures are of views"
+        )
     check_inputs_stay(target, files, inputs)
     warn_of_earlier_results(target, files)
     meta = {**describe_completion(completion, intrinsics_from), "inputs": hash_inputs(inputs, input_addresses)}
