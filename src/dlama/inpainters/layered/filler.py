@@ -12,7 +12,9 @@ such depth end in the wrong places.
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ from dlama.geometry.holes import morphological_open, nearest_known, square
 from dlama.geometry.kernels.jit import begin_job
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste, replace_pixels
 from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
@@ -72,41 +75,54 @@ def paint_over_surfaces(
     """The colours of a view whose depth (H x W metres) is filled; network as above."""
     view = close_narrow_holes(view)
     smooth = begin_job(smooth_guess, view)
-    notes: dict[str, Any] = {}
     removed, uncovered = (
         view.color_hole & (view.hole_type == kind.value) for kind in (HoleType.OBJECT, HoleType.DISOCCLUDED)
     )
-    unseen, misplaced, guessing, guess = view.unseen_hole, context.law.misplaced_edges, None, None
+    unseen, misplaced, guess = view.unseen_hole, context.law.misplaced_edges, None
     if network is not None and (removed | uncovered | (unseen & misplaced)).any():
-        hidden, shadow_notes = hide_from_painter(view, surfaces, depth, context.law, coarsely=not removed.any())
-        notes |= shadow_notes
-        side = GUESS_SIDE if removed.any() else VIEW_SIDE
-        guessing = begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)
+        guess = Guess.begin(network, view, surfaces, depth, context.law, seed)
     color = view.color
-    if guessing is None or (view.color_hole & ~removed).any():
+    if guess is None or (view.color_hole & ~removed).any():
         color = paint_surfaces(view, surfaces, context)
     copied = removed | uncovered | unseen
     if not misplaced:
         # no clouds, which end in hard edges, and no foliage, whose leaves are copied already
         copied &= surfaces.without_leaves(~unseen | (surfaces.label != SKY))
-    if guessing is not None and (misplaced or removed.any()):
-        guess = guessing()
-        color = replace_pixels(color, removed, guess)
-        copied &= ~removed
-        if misplaced:
-            color[unseen] = (color[unseen].astype(np.uint16) + guess[unseen]) // 2
+    if guess is not None and removed.any():
+        color, copied = replace_pixels(color, removed, guess.picture()), copied & ~removed
+    if guess is not None and misplaced:  # patches of exact depth begin without the guess, and take as long as it
+        color[unseen] = (color[unseen].astype(np.uint16) + guess.picture()[unseen]) // 2
     if copied.any():
         color = copy_patches(color, copied, surfaces.label, seed)
-    if network is not None and guessing is not None:
-        guess = guessing() if guess is None else guess  # patches of exact depth need none, and take as long
-        notes["guess"] = network.notes()
-        if removed.any():
-            color = replace_removed(view, color, guess, removed, hidden, seed)
+    if guess is not None and removed.any():
+        color = replace_removed(view, color, guess, removed, seed)
     painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     color = blend_with_low_frequency(view, color, painted, w, surfaces.label, smooth)
-    if guess is not None and uncovered.any():
-        color = blend_with_guess(color, guess, uncovered, guess_share=DISOCCLUDED_SHARE)
-    return color, notes
+    if guess is None or network is None:
+        return color, {}
+    if uncovered.any():
+        color = blend_with_guess(color, guess.picture(), uncovered, guess_share=DISOCCLUDED_SHARE)
+    return color, guess.notes | {"guess": network.notes()}
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """A network's picture of a view, which is being painted while other work goes on."""
+
+    picture: Callable[[], UInt8Array]
+    """Waits for it: H x W x 3."""
+    hidden: BoolArray
+    """H x W, what the network did not see."""
+    notes: dict[str, Any]
+    """Of what was hidden, for meta.json."""
+
+    @classmethod
+    def begin(cls, network: Painter, view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int) -> Guess:
+        """Begin to paint a view whose depth (H x W metres) is filled, finer where an object was removed."""
+        coarsely = not view.object_hole.any()
+        hidden, notes = hide_from_painter(view, surfaces, depth, law, coarsely)
+        side = VIEW_SIDE if coarsely else GUESS_SIDE
+        return cls(cache(begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)), hidden, notes)
 
 
 def close_narrow_holes(view: View) -> View:
@@ -137,20 +153,20 @@ def copy_patches(color: UInt8Array, copied: BoolArray, label: NDArray[np.int8], 
     return blend_with_guess(painted, color, copied)
 
 
-def replace_removed(
-    view: View, color: UInt8Array, guess: UInt8Array, removed: BoolArray, hidden: BoolArray, seed: int
-) -> UInt8Array:
+def replace_removed(view: View, color: UInt8Array, guess: Guess, removed: BoolArray, seed: int) -> UInt8Array:
     """H x W x 3: colours with patches of the picture, from any surface, where an object was removed (H x W).
 
-    color: H x W x 3, painted elsewhere; guess: H x W x 3, the network's; hidden: H x W, what it did not see: no patch near the
-    object shows any of it.
+    color: H x W x 3, painted elsewhere. No patch near the object shows any of what the network did not see.
     """
-    near = hidden & ~view.color_hole
+    network = guess.picture()
+    near = guess.hidden & ~view.color_hole
     if near.any():
         near &= removed.ravel()[nearest_known(view.color_hole)[1]]
-    painted, levels = complete_picture(replace_pixels(color, removed | near, guess), removed | near, seed, effort=QUICK)
+    painted, levels = complete_picture(
+        replace_pixels(color, removed | near, network), removed | near, seed, effort=QUICK
+    )
     spread = np.zeros(removed.shape, np.float32)
     spread[removed | near] = levels
-    out = blend_with_guess(painted, guess, removed, view.color_hole | near, spread=spread)
+    out = blend_with_guess(painted, network, removed, view.color_hole | near, spread=spread)
     paste(color, near, out)
     return out
