@@ -130,6 +130,8 @@ class MaskSession:
         if not masks:
             raise MaskError("nothing of the object is left; fewer `not_clicks` are expected")
         chosen = candidate if candidate in masks else next(iter(masks))
+        if candidate not in (chosen, "object"):
+            notes = (*notes, f"there is no other reading as a {candidate}, so the mask is the {chosen}")
         if masks[chosen].mean() > 0.5:
             notes = (*notes, TOO_MUCH)
         return complete_mask(self.picture, masks, chosen, self.masker, with_shadow, notes)

@@ -133,6 +133,16 @@ def test_a_click_next_to_it_takes_a_piece_away(scene: tuple[RGBD, np.ndarray]) -
     assert not mask[next_to[1], next_to[0]]
 
 
+def test_a_reading_that_there_is_not_is_named() -> None:
+    """Law: of a lone box, which has no other reading; the object itself is no reason for a note."""
+    rgbd, click = LONE_BOX.rgbd(CAMERA), innermost_pixel(LONE_BOX.trace(CAMERA)[1] == 2)
+    for candidate in ("part", "object", "group"):
+        found = find_mask(rgbd, clicks=[click], candidate=candidate)
+        missing = f"there is no other reading as a {candidate}, so the mask is the object"
+        assert (found.chosen, list(found.candidates)) == ("object", ["object"])
+        assert (missing in found.notes) == (candidate != "object")
+
+
 @pytest.mark.parametrize(
     ("options", "kind", "words"),
     [
