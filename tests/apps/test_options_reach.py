@@ -159,7 +159,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
         SimpleNamespace(scene=SimpleNamespace(frames=(), has_estimated_depth=False)),
     )
     spy("dlama.completion.start.choose_filler", lambda **given: SimpleNamespace(name=given["filler"]))
-    spy("dlama.datasets.sequences.camera_paths.path_for", [])
+    spy("dlama.datasets.sequences.camera_paths.path_for", [SimpleNamespace(hw=(48, 64))])
     spy("dlama.render_path", [])
     box = SimpleNamespace(angle=3.0, distance=0.1, pivot=2.0)
     reported = {"photo3d": {"filled_cameras": [], "open_share": 0.0}, "filler": "telea"}
