@@ -214,6 +214,28 @@ def test_a_killed_run_continues(
     assert dlama.sequence(room, seed=1).write(tmp_path / "other")["views_from_earlier_run"] == 0
 
 
+def test_two_runs_do_not_write_to_the_same_place(room: Path, tmp_path: Path) -> None:
+    """The second, which starts within the first, is refused; the first's views are those of a run alone (oracle)."""
+    pytest.importorskip("fcntl")
+    mask = np.zeros((48, 64), bool)
+    mask[20:30, 25:40] = True
+    second = dlama.sequence(room, filler="telea", masks={"img-1": mask})
+    refused = []
+
+    def start_second(done: int, *_: object) -> None:
+        if done == 2:
+            with pytest.raises(OutputError, match="another run is writing there") as error:
+                second.write(tmp_path / "out")
+            refused.append(error)
+
+    first = dlama.sequence(room, filler="telea")
+    first.write(tmp_path / "out", only=[], progress=start_second)
+    first.write(tmp_path / "alone", only=[])
+    assert len(refused) == 1
+    for path in (tmp_path / "alone").glob("*/*.png"):
+        assert (tmp_path / "out" / path.relative_to(tmp_path / "alone")).read_bytes() == path.read_bytes()
+
+
 def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
     """Law: open in pictures, depth and the scene exactly where a fill had less confidence; all else keeps its bits."""
     views = {"left": moved(LENS, (0, 0, 0), (-0.6, 0, 0)), "right": moved(LENS, (0, 10, 0), (0.5, 0, 0))}

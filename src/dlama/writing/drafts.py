@@ -16,6 +16,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from dlama.errors import OutputError
+
 try:
     import fcntl
 except ImportError:  # Windows: age alone decides
@@ -74,6 +76,15 @@ def lock(path: Path) -> Iterator[bool]:
     finally:
         if handle is not None:
             os.close(handle)
+
+
+@contextlib.contextmanager
+def lock_output(path: Path, place: Path | str) -> Iterator[None]:
+    """While this is open, `path` is locked, and no other run writes to `place`. OutputError: another one does."""
+    with lock(path) as free:
+        if not free:
+            raise OutputError(f"{place}: another run is writing there; wait for it, or give another directory")
+        yield
 
 
 def _is_free(handle: int) -> bool:

@@ -26,6 +26,7 @@ from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, check_folder_name
+from dlama.writing.drafts import lock_output
 
 SHADOW = ("remaining_shadow_px", "removed_px")
 """Of a step, for the hint of a shadow that stays."""
@@ -119,30 +120,35 @@ class SequenceCompletion:
         Returns:
             What meta.json holds.
         Raises:
-            InputError: an unknown name; OutputError.
+            InputError: an unknown name. OutputError: the place cannot be written, or another run is writing there.
         """
         check_arguments(SequenceCompletion.write, locals())
         started, target, chosen = time.perf_counter(), check_folder_name(output), check_results(only, also)
         loaded, settings, masked = self._loaded, self._settings, self._settings["min_confidence"] > 0
         asked = {**settings, "views": [(step.name, step.shown) for step in self._steps]}
         state = SequenceState(target, asked, loaded.scene, self._masks, __version__)
-        done = complete_steps(self._plan, self.scene, self._steps, state, target, progress, settings["min_confidence"])
-        meta = {
-            "dlama": __version__,
-            "dataset": self._dataset,
-            **about_frames(loaded.names, loaded.kept, loaded.scene, loaded.damaged),
-            **settings,
-            "decisions": loaded.decisions | {name: dict(decision) for name, decision in self._plan.decisions.items()},
-            "masked_frames": [loaded.names[number] for number in sorted(self._masks)],
-            **done.shares(self.cameras),
-            CLIPPED: done.count_clipped(),
-            "remaining_shadow": done.shadow if self._masks else "",
-            "views_from_earlier_run": done.reused,
-            **write_views(target, done.scene, self.cameras, loaded.names, chosen, masked),
-            "seconds": round(time.perf_counter() - started, 3),
-        }
-        write_json(target / "meta.json", meta)
-        state.end()
+        state.folder.mkdir(parents=True, exist_ok=True)
+        with lock_output(target, target):
+            done = complete_steps(
+                self._plan, self.scene, self._steps, state, target, progress, settings["min_confidence"]
+            )
+            meta = {
+                "dlama": __version__,
+                "dataset": self._dataset,
+                **about_frames(loaded.names, loaded.kept, loaded.scene, loaded.damaged),
+                **settings,
+                "decisions": loaded.decisions
+                | {name: dict(decision) for name, decision in self._plan.decisions.items()},
+                "masked_frames": [loaded.names[number] for number in sorted(self._masks)],
+                **done.shares(self.cameras),
+                CLIPPED: done.count_clipped(),
+                "remaining_shadow": done.shadow if self._masks else "",
+                "views_from_earlier_run": done.reused,
+                **write_views(target, done.scene, self.cameras, loaded.names, chosen, masked),
+                "seconds": round(time.perf_counter() - started, 3),
+            }
+            write_json(target / "meta.json", meta)
+            state.end()
         return meta
 
 

@@ -25,7 +25,7 @@ from dlama.jobs.results.result import CSV_COLUMNS, JobResult
 from dlama.jobs.storage import Output, file_stamp, file_system, is_address
 from dlama.models.verify import sha256_of
 from dlama.writing.atomic_write import writing
-from dlama.writing.drafts import lock
+from dlama.writing.drafts import lock_output
 
 FOLDER, TABLE = "manifest", "manifest.csv"
 
@@ -172,10 +172,7 @@ class Manifest:
         if self.output.is_remote:
             return
         (self._folder / "lock").touch()
-        if not self._lock.enter_context(lock(self._folder / "lock")):
-            raise OutputError(
-                f"{self.output.place}: another run is writing there; wait for it, or give another directory"
-            )
+        self._lock.enter_context(lock_output(self._folder / "lock", self.output.place))
 
     def _read_shards(self) -> None:
         if self.output.is_remote:
