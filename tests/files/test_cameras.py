@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -408,6 +409,19 @@ def test_camera_from_exif(tmp_path: Path) -> None:
     assert math.atan(250 / camera.fx) == pytest.approx(math.atan(math.hypot(18, 12) / 26))
     assert source == "EXIF FocalLengthIn35mmFilm (26 mm)"
     assert camera_for((300, 400), image=tmp_path / "phone.jpg", fov=90)[1] == "fov"
+
+
+@pytest.mark.parametrize(
+    ("sides", "known"),
+    [((4000, 3000), True), ((3000, 4000), True), ((4000, 2992), True), ((0, 0), True), ((4000, 4000), False)],
+)
+def test_a_crop_has_not_the_field_of_view_of_its_exif_data(tmp_path: Path, sides: tuple[int, int], known: bool) -> None:
+    """Law: of other proportions than the picture that the camera took; smaller, turned and of a few rows less it still has."""
+    exif = Image.Exif()
+    exif[0x8769] = {0xA405: 26, 0xA002: sides[0], 0xA003: sides[1]}
+    Image.new("RGB", (400, 300)).save(tmp_path / "phone.jpg", exif=exif)
+    with nullcontext() if known else pytest.raises(CameraError, match="give fov in degrees"):
+        assert camera_for((300, 400), image=tmp_path / "phone.jpg")[1].startswith("EXIF")
 
 
 def test_no_intrinsics_teach_fov(tmp_path: Path) -> None:

@@ -59,6 +59,8 @@ NO_RGB = ("CMYK", "YCbCr", "LAB", "HSV")
 """Pillow's modes of colours that become RGB when they are read."""
 SEVERAL = {"TIFF": "page", "WEBP": "frame", "AVIF": "frame"}
 """Kinds of files that may hold several pictures, and what these are called."""
+SAME_SHAPE = 0.02
+"""Relative difference of proportions from which a picture is a crop of what its EXIF data are of."""
 ADDRESS = re.compile(r"[a-z][a-z0-9+]+:/")
 """How an address begins; a path has one slash of its two."""
 
@@ -262,13 +264,19 @@ def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
 
 
 def _exif(picture: Image.Image) -> tuple[int, float | None]:
+    """Orientation and focal length, that of other proportions than the picture's aside: of a crop, which sees less."""
     try:
         tags = picture.getexif()
         orientation, key = tags.get(ExifTags.Base.Orientation, 1), ExifTags.Base.FocalLengthIn35mmFilm
-        focal = tags.get_ifd(ExifTags.IFD.Exif).get(key) or tags.get(key)
+        about = tags.get_ifd(ExifTags.IFD.Exif)
+        focal = about.get(key) or tags.get(key)
+        sides = about.get(ExifTags.Base.ExifImageWidth), about.get(ExifTags.Base.ExifImageHeight)
+        least, most = sorted(int(side or 0) for side in sides)
     except Exception:  # unreadable tags are ignored; the pixels are whole
         return 1, None
     focal = float(focal) if isinstance(focal, (int, float)) and focal > 0 else None
+    if least and abs(most / least * min(picture.size) / max(picture.size) - 1) > SAME_SHAPE:
+        focal = None
     return orientation if orientation in range(2, 9) else 1, focal
 
 
