@@ -64,6 +64,20 @@ def test_parquet(tmp_path: Path) -> None:
         jobs_of(tmp_path / "bad.parquet")
 
 
+def test_results_of_an_earlier_run_are_no_pictures_of_a_pattern(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those below the output are left out, unless the pattern looks for them there, or all lies in the output (by hand)."""
+    for name in ("a.png", "x/b.png", "out/a/image.png"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    for output in ("out", "x/../out", str(tmp_path / "out")):
+        assert [row["id"] for row in Pictures("**/*.png", output=output)] == ["a", "x/b"]
+    assert [row["id"] for row in Pictures("out/**/image.png", output="out")] == ["a/image"]
+    assert [row["id"] for row in Pictures("**/*.png", output=".")] == ["a", "out/a/image", "x/b"]
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [

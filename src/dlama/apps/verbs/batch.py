@@ -118,7 +118,7 @@ def batch(
         return
     given = {name: as_typed(value) for name, value in given_options(defaults).items()}
     with report_result("batch", report) as result:
-        jobs = source(words, which, given)
+        jobs = source(words, which, given, output)
         if running.dry_run:
             for line in plan_lines(jobs, which.verb, given):
                 result.add(line)
@@ -160,7 +160,7 @@ def write_page(words: Sequence[str], report: Report) -> None:
         result.add(page, report=page)
 
 
-def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
+def source(words: Sequence[str], which: Which, defaults: dict[str, Any], output: str | None = None) -> Any:
     """The list, the pictures of a pattern, or the frames of a data set. InputError: none of them, or two."""
     if len(words) + (which.images is not None) + (which.data is not None) != 1:
         raise InputError(
@@ -177,7 +177,7 @@ def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
         raise InputError("`layout` goes with `data=DATASET`")
     if which.images is not None and which.verb is None:
         raise InputError("no verb for the pictures is given: give `verb=VERB`, one of view, remove, depth")
-    return words[0] if words else Pictures(str(which.images), which.depths, which.masks)
+    return words[0] if words else Pictures(str(which.images), which.depths, which.masks, output)
 
 
 def plan_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterator[str]:

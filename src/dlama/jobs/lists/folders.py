@@ -23,13 +23,17 @@ class Pictures:
     """Where a picture's depth lies: `depth/{stem}.png`; {stem} is its name, {name} that with suffix, {folder} its folder."""
     masks: str | None = None
     """The same of its mask."""
+    output: str | None = None
+    """Where results go, which are no pictures to begin with, where it lies below the pattern's folder."""
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """A row's id is the picture's path below the fixed folders of the pattern, without suffix. InputError: no picture."""
         root, empty = _fixed_folders(self.images), True
         pattern = glob.escape(root) + self.images[len(root) :]
+        results, above = self.output and Path(self.output).resolve(), Path(root).resolve()
+        results = None if results in (above, *above.parents) else results
         for path in sorted(glob.glob(pattern, recursive=True)):  # noqa: PTH207  (keeps the pattern's own form of paths)
-            if Path(path).is_dir():
+            if Path(path).is_dir() or results in Path(path).resolve().parents:
                 continue
             empty = False
             row = {"id": Path(os.path.relpath(path, root or ".")).with_suffix("").as_posix(), "image": path}
