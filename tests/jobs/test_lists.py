@@ -126,7 +126,13 @@ def test_pictures_of_a_pattern(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         (tmp_path / name).touch()
     assert [row["image"] for row in Pictures("shot [A]/rgb/*.png")] == ["shot [A]/rgb/1.png"]
     assert [row["image"] for row in Pictures("s[12]/rgb/1.png")] == ["s1/rgb/1.png", "s2/rgb/1.png"]
-    with pytest.raises(InputError, match=r"images is 'x/\*.png'; no picture is called so"):
+    (tmp_path / "IMG [2].jpg").touch()
+    assert list(Pictures("IMG [2].jpg")) == [{"id": "IMG [2]", "image": "IMG [2].jpg"}]
+    with pytest.raises(
+        InputError, match=r"images is 's1/rgb'; no .*, it is a folder; s1/rgb/\*.jpg takes what is in it"
+    ):
+        list(Pictures("s1/rgb"))
+    with pytest.raises(InputError, match=r"images is 'x/\*.png'; no picture is called so$"):
         list(Pictures("x/*.png"))
     with pytest.raises(InputError, match=r"depths is '\{steam\}.png'; \{stem\}, \{name\} and \{folder\}"):
         list(Pictures("s1/rgb/*.png", "{steam}.png"))

@@ -32,7 +32,8 @@ class Pictures:
         pattern = glob.escape(root) + self.images[len(root) :]
         results, above = self.output and Path(self.output).resolve(), Path(root).resolve()
         results = None if results in (above, *above.parents) else results
-        for path in sorted(glob.glob(pattern, recursive=True)):  # noqa: PTH207  (keeps the pattern's own form of paths)
+        found = glob.glob(pattern, recursive=True)  # noqa: PTH207  (keeps the pattern's own form of paths)
+        for path in [self.images] if Path(self.images).is_file() else sorted(found):
             if Path(path).is_dir() or results in Path(path).resolve().parents:
                 continue
             empty = False
@@ -40,7 +41,8 @@ class Pictures:
             patterns = {"depth": self.depths, "mask": self.masks}
             yield row | {role: fill_pattern(pattern, path, role) for role, pattern in patterns.items() if pattern}
         if empty:
-            raise InputError(f"`images` is {self.images!r}; no picture is called so")
+            folder = f", it is a folder; {self.images}/*.jpg takes what is in it" if Path(self.images).is_dir() else ""
+            raise InputError(f"`images` is {self.images!r}; no picture is called so{folder}")
 
 
 def fill_pattern(pattern: str, image: str, role: str) -> str:
