@@ -212,7 +212,7 @@ def test_grey_mask_is_refused_unless_soft(tmp_path: Path) -> None:
         read_mask(path)
     assert read_mask(path, soft_mask=True).tolist() == [[False, False, False, True, True, True]]
     write_depth_png(tmp_path / "depth.png", np.full((2, 3), 5.0, np.float32))
-    with pytest.raises(MaskError, match=r"depth\.png: 6 of 6 pixels.* is it the depth, and the mask not given\?"):
+    with pytest.raises(MaskError, match=r"depth\.png: 6 of 6 pixels.* the mask not given, or given before it\?"):
         read_mask(tmp_path / "depth.png")
 
 

@@ -143,7 +143,11 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
         found = np.unique(between)
         shown = ", ".join(map(str, found[:6])) + (f", ... {found[-1]}" if found.size > 6 else "")
         deep = Path(path).suffix.lower() in SUFFIXES and read_stored(path).values.dtype == np.uint16
-        hint = " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given?)" if deep else ""
+        hint = (
+            " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given, or given before it?)"
+            if deep
+            else ""
+        )
         raise MaskError(
             f"{path}: {between.size} of {grey.size} pixels are neither black nor white (values {shown}); "
             f"0 and 255 are expected, or `soft_mask`, which takes values above 127 as white{hint}"
