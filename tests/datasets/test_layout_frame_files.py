@@ -189,6 +189,10 @@ def test_frames_that_lack_something_are_left_out_and_counted(tmp_path: Path, cap
     (root / "color/20.png").unlink()
     assert [frame.name for frame in open_dataset(root).frames] == ["0", "30"]
     assert "2 of 4 frames are left out (1 without a pose: tracking was lost, 1 without a picture)" in caplog.text
+    root = write_scannet(tmp_path / "c")
+    (root / "pose/10.txt").unlink()
+    assert [frame.name for frame in open_dataset(root).frames] == ["0", "20", "30"]
+    assert "1 of 4 frames are left out (1 without a pose)" in caplog.text
 
 
 def test_colour_bigger_than_depth_is_the_mean_of_its_area(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from dlama.datasets.posed.lenses import CameraOption, lens_for
 from dlama.datasets.posed.posed_frames import Listed, files_of
-from dlama.datasets.text_tables import files_by_stem, files_in, holds, pose_at, read_matrix
+from dlama.datasets.text_tables import files_by_stem, holds, natural_order, pose_at, read_matrix
 
 looks_like = holds("color", "depth", "pose")
 INTRINSICS = ("intrinsic/intrinsic_color.txt", "intrinsics_color.txt")
@@ -24,13 +24,14 @@ def list_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     lens = lens_for(folder, root, camera, INTRINSICS, "no other file says where colours are seen from")
     colors = files_by_stem(folder / "color", (".jpg", ".jpeg", ".png"))
-    for path in files_in(folder / "pose", (".txt",)):
-        name = path.stem
-        if name not in colors:
-            yield name, "without a picture"
+    poses = files_by_stem(folder / "pose", (".txt",))
+    for name in sorted({*colors, *poses}, key=natural_order):
+        if name not in colors or name not in poses:
+            yield name, "without a picture" if name in poses else "without a pose"
             continue
-        pose = read_matrix(path, finite=False)
+        pose = read_matrix(poses[name], finite=False)
         if np.isfinite(pose).all():
-            yield name, files_of(colors[name], folder / "depth" / f"{name}.png", lens, pose_at(f"{path}:1:1", pose))
+            at = pose_at(f"{poses[name]}:1:1", pose)
+            yield name, files_of(colors[name], folder / "depth" / f"{name}.png", lens, at)
         else:
             yield name, "without a pose: tracking was lost"
