@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
+import tarfile
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,8 @@ from small_jobs import FAST, contents, view_rows, write_csv
 from box_frame import small_frame
 from dlama.errors import FileError
 from dlama.jobs.batch import batch
+from dlama.jobs.results.manifest import Manifest
+from dlama.jobs.results.tar_shards import Packer
 from dlama.jobs.storage import Output, fetch, file_stamp, file_system, folder_of, is_address, open_to_read
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: extra `batch`")
@@ -91,6 +95,27 @@ def test_all_of_it_elsewhere(tmp_path: Path, root: str) -> None:
     assert not any(row.kept for row in batch(jobs, f"{root}out", workers=1, **FAST | {"only": "image"}))
     left = [name.partition("v/000/")[2] for name in system.find(f"{root}out/v/000")]
     assert sorted(left) == ["image.png", "meta.json"]
+
+
+def test_a_run_killed_while_it_packs_leaves_no_second_sample(root: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its rows since the shard was written are lost, as they are sent now and then (oracle: every id in one shard, once)."""
+    system, _ = file_system(root)
+    jobs, write = f"{root}in/jobs.csv", Packer._write
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+
+        def kill(packer: Packer, name: str, members: Iterable[tuple[str, bytes]]) -> None:
+            write(packer, name, members)
+            patch.setattr(Manifest, "send", lambda _: None)
+            raise KeyboardInterrupt
+
+        patch.setattr(Packer, "_write", kill)
+        list(batch(jobs, f"{root}killed", workers=1, pack=2, **FAST))
+    list(batch(jobs, f"{root}killed", workers=1, pack=2, **FAST))
+    found = []
+    for name in system.find(f"{root}killed/shards"):
+        with tarfile.open(fileobj=io.BytesIO(system.cat_file(name))) as shard:
+            found += [one for one in shard.getnames() if one.endswith("meta.json")]
+    assert sorted(found) == [f"v/{n:03d}.meta.json" for n in range(3)]
 
 
 def test_what_is_not_there_is_named_as_missing(memory: Any) -> None:

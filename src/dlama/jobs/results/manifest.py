@@ -132,7 +132,7 @@ class Manifest:
         if self.output.is_remote:  # object stores cannot append: the shard is sent now and then
             rows, last = self._sent
             if rows + 1 >= 500 or time.monotonic() - last > 20:
-                self._send()
+                self.send()
             else:
                 self._sent = rows + 1, last
 
@@ -147,8 +147,7 @@ class Manifest:
     @system_errors(OutputError)
     def write_table(self) -> str:
         """Write manifest.csv and return its path. OutputError."""
-        if self.output.is_remote:
-            self._send()
+        self.send()
         with self.output.open(TABLE) as stream:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(CSV_COLUMNS)
@@ -163,8 +162,7 @@ class Manifest:
             stack.callback(self._lock.close)
             if self._writer is not None:
                 stack.callback(self._writer.close)
-            if self.output.is_remote and self._writer is not None:
-                self._send()
+            self.send()
 
     @system_errors(OutputError)
     def _open(self) -> None:
@@ -195,8 +193,7 @@ class Manifest:
 
     def _new_shard(self) -> None:
         if self._writer is not None:
-            if self.output.is_remote:
-                self._send()
+            self.send()
             self._writer.close()
         last = max((int(path.name[:20]) for path in self._shards if path.name[:20].isdecimal()), default=0)
         number = max(time.time_ns(), last + 1)  # read in this order, also where the clock has gone back
@@ -205,9 +202,9 @@ class Manifest:
         self._shards.append(path)
         self._shard_rows = 0
 
-    def _send(self) -> None:
-        """The shard under way, as a whole, to the object store."""
-        if self._shards and self._writer is not None:
+    def send(self) -> None:
+        """The shard under way, as a whole, to the object store, where the output is one."""
+        if self.output.is_remote and self._shards and self._writer is not None:
             name = f"{FOLDER}/{self._shards[-1].name}"
             with self.output.open(name, "wb") as stream, self._shards[-1].open("rb") as source:
                 shutil.copyfileobj(source, stream)

@@ -65,6 +65,7 @@ class Packer:
         name = f"{FOLDER}/{self._next():06d}.tar"
         for row in self.waiting:  # a run that ends before their last rows leaves this shard to be replaced
             self.manifest.add(dataclasses.replace(row, replaces=name))
+        self.manifest.send()
         self._write(name, (member for row in self.waiting for member in self._members(row)))
         for row in self.waiting:
             self.manifest.add(dataclasses.replace(row, folder=name, replaces=""))
