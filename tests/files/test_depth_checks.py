@@ -227,9 +227,10 @@ def test_sky_at_a_renderers_far_plane_is_warned_of(tmp_path: Path, far_plane: fl
     assert [one.mend for one in diagnose(*files, fov=60) if one.check == "far-plane"] == [f"give `far={advised:.9g}`"]
 
 
-@pytest.mark.parametrize("change", ["a wall at 90 m", "one pixel", "a hill behind", "far already"])
+@pytest.mark.parametrize("change", ["a wall at 90 m", "one pixel", "a hill behind", "far already", "ground"])
 def test_what_is_no_far_plane_passes(tmp_path: Path, change: str) -> None:
-    """pytest makes a warning an error."""
+    """pytest makes a warning an error. Ground 1.5 m below a level camera has one depth along each row, f * 1.5 / rows below the
+    horizon: at the first row three times that of all else."""
     small_frame(tmp_path)
     depth = WORLD.rgbd(CAMERA).depth.copy()
     depth[:5] = {"a wall at 90 m": 90, "far already": np.inf}.get(change, 1000)
@@ -238,6 +239,10 @@ def test_what_is_no_far_plane_passes(tmp_path: Path, change: str) -> None:
     if change == "one pixel":
         depth[:5] = 4
         depth[0, :2] = 1000
+    if change == "ground":
+        below = np.arange(depth.shape[0]) + 0.5 - depth.shape[0] / 2
+        depth[:] = np.where(below > 0, 1.5 * CAMERA.fy / np.maximum(below, 0.5), np.inf)[:, None]
+        assert depth[np.isfinite(depth)].max() > 100
     write_depth_exr(tmp_path / "d.exr", depth)
     read_rgbd(tmp_path / "image.png", tmp_path / "d.exr", fov=60)
 

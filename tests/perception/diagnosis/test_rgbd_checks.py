@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import dlama
-from corruptions import FULL, SPOILT, observed, stored
+from corruptions import FULL, MM, SPOILT, observed, stored
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.depth_code import check_depth_code
 from dlama.perception.diagnosis.depth_scale import check_value_range, measure_extent
@@ -75,6 +75,14 @@ def test_depth_that_was_cut_off_may_have_any_unit(metres: float) -> None:
     assert finding.check == "depth-scale" and f"they end at {FULL}, which" in finding.what
     assert "65535 over the metres at which depth was cut off (10 m: `depth_scale=6553.5`)" in finding.mend
     assert describe_probability(finding.confidence) == "perhaps"
+
+
+def test_a_close_range_is_doubted_with_a_perhaps() -> None:
+    """Oracle: a world a tenth as large, half of it within half a metre, as the shelf of a robot: its millimetres are right."""
+    seen = world(14)
+    (finding,) = run_checks(replace(seen, depth=np.round(seen.depth * MM / 10) / MM))
+    assert finding.check == "depth-scale" and describe_probability(finding.confidence) == "perhaps"
+    assert finding.mend.endswith(", unless the scene is that near, as a close-range camera's")
 
 
 def test_millimetres_that_are_cut_off_at_65_metres_are_in_order() -> None:

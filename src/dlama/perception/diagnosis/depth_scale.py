@@ -71,6 +71,9 @@ def check_depth_unit(seen: Observed) -> list[Finding]:
         what += f"; they end at {FULL}, which {cut_off:.1%} have"
         mend += f", or {FULL} over the metres at which depth was cut off (10 m: `depth_scale={FULL / 10:g}`)"
         confidence = min(confidence, 0.65)  # it may have been stretched from any range
+    elif units == 1000 and 0.1 <= extent.middle <= 1:
+        mend += ", unless the scene is that near, as a close-range camera's"
+        confidence = min(confidence, 0.65)
     return [Finding("depth-scale", "fault", confidence, what, mend)]
 
 
@@ -136,12 +139,14 @@ def begins_at_camera(depth: np.ndarray) -> bool:
 def find_far_plane(depth: np.ndarray) -> tuple[float, float] | None:
     """Metres at which a renderer put all that it does not show, and the share (0..1) of the pixels with depth (H x W metres) that
     are exactly there; None: all seems measured. Of 240 depth maps of sensors, scanners and renderers without such a plane none
-    has a thousandth of its pixels at one depth twice as far as all else."""
+    has a thousandth of its pixels at one depth twice as far as all else, but for level ground seen by a level camera: one row."""
     known = depth[is_valid(depth)]
     farthest = known.max(initial=0)
     rest = known[known < farthest]
     share = 1 - rest.size / max(1, known.size)
     if farthest < 100 or share < 0.001 or not rest.size or farthest < 2 * rest.max():
+        return None
+    if min(len(np.unique(places)) for places in np.nonzero(depth == farthest)) == 1:
         return None
     return float(farthest), share
 
