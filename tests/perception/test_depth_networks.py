@@ -16,7 +16,7 @@ from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.models.contracts import CONTRACT_KEY
 from dlama.models.network_file import NetworkFile
-from dlama.perception.depth_networks import DepthContract, predict
+from dlama.perception.depth_networks import DepthContract, DepthPrediction, predict
 from dlama.perception.monocular import ESTIMATORS, estimate_depth, find_estimator
 from tiny_networks import constant, saved
 
@@ -143,6 +143,11 @@ def test_points_come_with_sky_scale_and_field_of_view(tmp_path: Path, last: str,
     assert np.isposinf(found.depth[~mask]).all()
     assert found.camera.fx == pytest.approx(camera.fx, rel=2e-3) and (found.camera is camera) == given
     assert found.meta["gives"] == "metric points"
+    own = DepthPrediction(
+        (2 * points).astype(np.float32), "points", True
+    )  # as MoGe's own code gives them, without the mask
+    again = estimate_depth(COLOR, camera if given else None, depth_model=lambda _: own, sharpen=False)
+    np.testing.assert_array_equal(again.depth, found.depth)
     assert found.meta["field_of_view"]["from"] == ("given" if given else "the network")
 
 

@@ -41,6 +41,20 @@ def test_a_known_distance_that_contradicts_the_others_is_named() -> None:
     estimate_scale(values, False, True, CAMERA, true)  # without a word
 
 
+def test_two_known_distances_that_make_most_of_the_picture_sky_are_named() -> None:
+    """Closed form: 1 / z = factor * value + shift through two pixels, the farther one given four times as far; the share is that
+    of the picture where that is below 1/1000. True distances get no word."""
+    places = known((5, 5), (30, 5))
+    near, far = sorted(places, key=lambda place: place[2])
+    with pytest.warns(
+        UserWarning, match=r"`metres_at` puts \d+% of the picture beyond 1000 m.*or give one alone"
+    ) as caught:
+        scale = estimate_scale((1 / Z).astype(np.float32), True, False, CAMERA, [near, (*far[:2], 4 * far[2])])
+    lost = np.isinf(scale.metres((1 / Z).astype(np.float32), None)).mean()
+    assert lost > 0.5 and f"puts {lost:.0%} of" in str(caught[0].message)
+    estimate_scale((1 / Z).astype(np.float32), True, False, CAMERA, places)
+
+
 @pytest.mark.parametrize(("inverse", "metric"), [(True, False), (True, True), (False, False), (False, True)])
 def test_one_known_distance_gives_the_factor(inverse: bool, metric: bool) -> None:
     """Closed form: all that is known up to a factor; metric depth is corrected, too. Two equal distances say no more than one."""

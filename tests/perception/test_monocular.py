@@ -171,6 +171,10 @@ def test_bad_pictures_and_predictions_get_one_line() -> None:
         (lambda _: DepthPrediction(zeros, "inverse depth"), "sees no depth in this picture"),
         (lambda _: DepthPrediction(zeros, "depth", True), "values that are not positive"),
         (lambda _: DepthPrediction(zeros * np.nan), "not numbers"),
+        (
+            lambda _: DepthPrediction(zeros + np.inf, "inverse depth"),
+            "holds infinity, as of depth 0; 0 for what is far",
+        ),
         (lambda _: DepthPrediction(zeros[0]), "shape .64,.; h x w is expected"),
         (lambda _: DepthPrediction(np.full((48, 64), 1e-9, np.float32), "inverse depth", True), "nothing but sky"),
         (

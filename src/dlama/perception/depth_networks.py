@@ -89,7 +89,8 @@ class DepthPrediction:
     """An estimator's prediction for a picture, at any size of the same proportions."""
 
     values: Float32Array = field(repr=False)
-    """h x w: planar z, or inverse depth (larger is nearer, 0 is far); of points h x w x 3 (x, y, z; z up to a shift)."""
+    """h x w: planar z, or inverse depth (larger is nearer, 0 is far); of points h x w x 3 (x, y, z; z up to a shift). Infinite
+    depth and points are far."""
     gives: Gives = "depth"
     metric: bool = False
     """Whether it is in metres (1/m)."""
@@ -107,8 +108,12 @@ class DepthPrediction:
             raise DepthError(f"the estimated {self.gives} has shape {values.shape}; {shape} is expected")
         if values.dtype.kind not in "iuf" or np.isnan(values).any():
             raise DepthError(f"the estimated {self.gives} holds values that are not numbers")
+        if self.gives == "inverse depth" and values.max() == np.inf:
+            raise DepthError("the estimated inverse depth holds infinity, as of depth 0; 0 for what is far is expected")
         if self.far is not None:
             check_fields(vars(self), "prediction", {"far": (values.shape[:2], np.bool_)})
+        if dimensions == 3 and not (there := np.isfinite(values).all(2)).all():
+            object.__setattr__(self, "far", ~there if self.far is None else self.far | ~there)
         check(self.notes, dict[str, Any], "prediction.notes")
         object.__setattr__(self, "values", values)
 

@@ -159,6 +159,12 @@ def fit_scale_to_points(
             f"`metres_at` {x:g},{y:g}={known:g}: the depth fitted there is {got:.3g} m: it contradicts the other known depths, "
             "or the estimate; look the pixel up again"
         )
+    lost = float((factor * values + shift <= 1 / FARTHEST_M).mean()) if shift < 0 else 0.0
+    if lost > 0.5:
+        warn(
+            f"`metres_at` puts {lost:.0%} of the picture beyond {FARTHEST_M:g} m, where it counts as sky: if it is none, the "
+            "known depths contradict the estimate; look the pixels up again, or give one alone"
+        )
     points = [
         {"x": float(x), "y": float(y), "metres": float(given_m), "fitted_metres": round(float(got), 4)}
         for (x, y, given_m), got in zip(metres_at, fitted)
