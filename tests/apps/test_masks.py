@@ -128,9 +128,17 @@ def test_a_class_of_the_semantic_picture(tmp_path: Path, capsys: pytest.CaptureF
     image = str(folder / "ColorImage" / "seq.0000.png")
     main(["mask", image, "--class", "barrel", "-o", str(folder / "found.png")])
     np.testing.assert_array_equal(pixels(folder / "found.png"), pixels(folder / "mask.png"))
-    (folder / "SemanticImage" / "seq.0000.png").unlink()
     capsys.readouterr()
-    line = error_line(capsys, "mask", image, "--class", "barrel", "-o", str(folder / "other.png"))
+    semantic, other = folder / "SemanticImage" / "seq.0000.png", ("-o", str(folder / "other.png"))
+    line = error_line(capsys, "mask", image, "--class", "barrel", "--candidate", "part", *other)
+    assert "--class and other ways to point at an object contradict each other" in line
+    line = error_line(capsys, "mask", image, "--class", "barrel", "-o", str(semantic))
+    assert "an input of this run (semantic picture)" in line and pixels(semantic).ndim == 3
+    Image.open(semantic).resize((24, 32), Image.Resampling.NEAREST).save(semantic)
+    line = error_line(capsys, "mask", image, "--class", "barrel", *other)
+    assert "seq.0000.png is 24x32 and " in line and "both must have the same size" in line
+    semantic.unlink()
+    line = error_line(capsys, "mask", image, "--class", "barrel", *other)
     assert "no semantic picture belongs to it" in line
 
 

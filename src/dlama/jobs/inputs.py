@@ -107,9 +107,11 @@ def find_pointed(picture: RGBD | UInt8Array, image: Path, p: Parameters) -> Foun
         found = object_masks.find_mask(picture, **settings)
         close_networks()
         return found, settings
-    if settings["clicks"] or settings["not_clicks"] or settings["box"] or settings["masker"]:
+    if settings != mask_settings(select(given, ("with_shadow",))):
         raise InputError("`object_class` and other ways to point at an object contradict each other; give one of them")
-    mask = read_mask(semantic_picture(image), mask_class=object_class)
+    path = semantic_picture(image)
+    mask = read_mask(path, mask_class=object_class)
+    check_mask_fits(mask, path, image)
     with_shadow = settings["with_shadow"]
     found = object_masks.complete_mask(picture, {"object": mask}, "object", f"class {object_class}", with_shadow)
     return found, settings
@@ -191,6 +193,8 @@ class JobInputs:
         """The mask of the object to remove from a picture (image, left): of its file, or `mask`, or what finds it, and its
         shadow, in the picture with its depth; None: no object is named."""
         if is_pointed(p):
+            if "object_class" in p:
+                self.inputs["semantic"] = semantic_picture(p.get(picture, ""))
             return partial(self._find, partial(find_pointed, image=Path(p.get(picture, "")), p=p))
         if mask is None and "mask" in p:
             mask = self.read_mask_file(p, "mask", picture)

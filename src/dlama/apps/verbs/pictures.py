@@ -30,6 +30,7 @@ from dlama.apps.options import (
 )
 from dlama.apps.places import check_file_apart
 from dlama.errors import InputError
+from dlama.files.semantic_classes import semantic_picture
 from dlama.jobs.parameters import is_pointed
 
 
@@ -163,10 +164,10 @@ def mask(
         output: The mask, 255 = the object; next to it MASK_overlay.png shows it in the picture.
     """
     with command("mask", report) as this:
-        files, overlay = {"image": image, "depth": depth}, overlay_of(output)
+        files, given, overlay = {"image": image, "depth": depth}, given_options(pointing, picture), overlay_of(output)
+        semantic = semantic_picture(image) if "object_class" in given else None
         for file in (output, overlay):
-            check_file_apart(file, files)
-        given = given_options(pointing, picture)
+            check_file_apart(file, {**files, "semantic picture": semantic})
         if not is_pointed(given):
             raise InputError(
                 "no object is pointed at: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
