@@ -6,12 +6,14 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import dlama
 from dlama.apps.cli import main
 from dlama.datasets.easysynth.writer import write_scene
 from dlama.geometry.motion.trajectories import orbit
+from dlama.geometry.projection import rays
 from rendered_walls import CAMERA, CLASSES, frame
 
 STREET = [str(dlama.example() / name) for name in ("street.jpg", "depth.png", "mask.png")]
@@ -31,6 +33,18 @@ def test_faults_name_flags_and_end_with_1(capsys: pytest.CaptureFixture[str]) ->
     assert stop.value.code == 1 and len(lines) == 3
     for line, flag in zip(lines, ("give --depth-scale 1000 (certain)", "--mask-polarity")):
         assert flag in line
+
+
+def test_depth_that_is_none_along_the_ray_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Oracle: the street's depth is along the optical axis; written as distances (times the length of the ray whose z is 1),
+    --radial-depth is right."""
+    with pytest.raises(SystemExit):
+        main(["doctor", *STREET[:2], "--fov", "90", "--radial-depth"])
+    assert "read as the distance along the ray" in (out := capsys.readouterr().out)
+    assert ": leave out --radial-depth (certain)" in out
+    street = dlama.read_rgbd(*STREET[:2], fov=90)
+    np.save(tmp_path / "d.npy", street.depth * np.linalg.norm(rays(street.camera), axis=2))
+    main(["doctor", STREET[0], str(tmp_path / "d.npy"), "--fov", "90", "--radial-depth"])
 
 
 def test_json_has_the_findings(capsys: pytest.CaptureFixture[str]) -> None:

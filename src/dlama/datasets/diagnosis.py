@@ -145,7 +145,8 @@ def _examine_picture(
         found.append(Finding("orientation", "note", 0.5, differs, CLEAR_TAG))
     found += _compare_with_exif(rgbd.camera, image)
     names = image.name, depth.name, "mask" if mask is None else Path(mask).name
-    seen = Observed.of(rgbd, names, removed, _units(depth, reading), reading["inverse_depth"])
+    how = reading["inverse_depth"], reading["radial_depth"]
+    seen = Observed.of(rgbd, names, removed, _units(depth, reading), *how)
     found += run_checks(seen)
     if reading["resize_depth"] is None:
         found += check_terraces(seen)

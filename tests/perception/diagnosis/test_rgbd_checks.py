@@ -201,6 +201,14 @@ def test_the_bend_of_a_kinects_depth_is_reported_though_its_noise_is_as_large() 
         assert finding.check == "radial-depth"
 
 
+@pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
+def test_the_smooth_depth_of_a_phone_is_doubted_with_a_perhaps() -> None:
+    """Oracle: millimetres made from the disparity of a portrait by its file's range: depth. Hardly anything in it is flat."""
+    folder = Path(os.environ["DLAMA_DATA"]) / "data" / "portrait"
+    found = check_depth_code(observed(dlama.read_rgbd(folder / "color.jpg", folder / "depth.png", fov=69.4)))
+    assert all(describe_probability(each.confidence) == "perhaps" for each in found)
+
+
 @cache
 def real_and_rendered() -> tuple[dlama.RGBD, ...]:
     """A Kinect's frame and a rendered street."""

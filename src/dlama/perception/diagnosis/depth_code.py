@@ -54,25 +54,32 @@ CODES = {
         "the distance along the ray, not depth along the optical axis",
         "`radial_depth` converts it",
     ),
+    "planar": (
+        "radial-depth",
+        "depth along the optical axis, read as the distance along the ray",
+        "leave out `radial_depth`",
+    ),
     "gamma": (
         "gamma-depth",
         "depth coded with a gamma of 1/2.2 (a picture of depth)",
         "save depth anew without a gamma (metres ~ value^2.2), as EXR or 16-bit millimetres",
     ),
 }
-"""Coding other than plain depth -> name of the check, what it is, what fixes it."""
+"""Coding other than plain depth -> name of the check, what it is, what fixes it; planar: of what was read as radial."""
 
 
 def check_depth_code(seen: Observed) -> list[Finding]:
     """Reports a coding other than plain depth; nothing where too little of the picture is planar."""
-    best, lead = find_best_code(seen.depth, seen.camera, tuple(CODES))
+    as_read = "radial" if seen.radial else "planar"
+    best, lead = find_best_code(seen.depth, seen.camera, tuple(code for code in CODES if code != as_read))
     if best not in CODES or not lead.reaches(LEAST):
         return []
     check, holds, mend = CODES[best]
     what = f"holds {holds}; planes of the scene are flat so, and bent as depth"
     if seen.inverted and best == "inverse":
         what, mend = "holds depth, read as inverse depth, so that near and far are swapped", "leave out `inverse_depth`"
-    return [Finding(check, "fault", certainty(lead.t - LEAST.t + 1, 0.8), f"{seen.names[1]}: {what}", mend)]
+    confidence = min(certainty(lead.t - LEAST.t + 1, 0.8), 0.99 if lead.reaches(CLEAR) else 0.65)
+    return [Finding(check, "fault", confidence, f"{seen.names[1]}: {what}", mend)]
 
 
 def looks_inverse(depth: NDArray[np.floating]) -> bool:
@@ -117,6 +124,7 @@ def inverse_depths(v: Floats, ray: Floats) -> dict[str, tuple[Floats, Floats]]:
         "linear": (1 / v, 1 / v),
         "inverse": (v, v),
         "radial": (ray / v, ray / v),
+        "planar": (1 / (ray * v), 1 / (ray * v)),
         "gamma": (curve, GAMMA * curve),
     }
 

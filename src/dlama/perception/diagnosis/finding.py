@@ -65,6 +65,8 @@ class Observed:
     """How messages call the three."""
     inverted: bool = False
     """Depth was read as 1 / the values of the file."""
+    radial: bool = False
+    """Depth was read from distances along the rays."""
 
     @classmethod
     def of(
@@ -74,9 +76,10 @@ class Observed:
         mask: BoolArray | None = None,
         units: float | None = None,
         inverted: bool = False,
+        radial: bool = False,
     ) -> Observed:
         """A frame that was read."""
-        return cls(rgbd.color, rgbd.depth.astype(np.float64), rgbd.camera, mask, units, names, inverted)
+        return cls(rgbd.color, rgbd.depth.astype(np.float64), rgbd.camera, mask, units, names, inverted, radial)
 
     @property
     def valid(self) -> BoolArray:
