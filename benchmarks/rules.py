@@ -124,6 +124,12 @@ def _beyond_range() -> None:
     _replace("inpainters.layered.depth.surfaces", "move_beyond_range", lambda filled, *rest: filled)
 
 
+def _seen_past() -> None:
+    from dlama.perception.missing_depth import fill_along_colors
+
+    _replace("inpainters.layered.depth.surfaces", "fill_along_colors", lambda *of: fill_along_colors(*of[:5]))
+
+
 def _depth_camera() -> None:
     """What depth edges next to the picture's change: their place, halo, softening, solid planes."""
     _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
@@ -245,5 +251,6 @@ RULES: dict[str, Callable[[], None]] = {
     "sky-without-depth": _sky_without_depth,
     "plain-infinity": _plain_infinity,
     "refined-disparity": _refined_disparity,
+    "seen-past": _seen_past,
 }
 """Name -> what turns the rule off."""

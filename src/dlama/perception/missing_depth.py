@@ -9,6 +9,7 @@ same; and what is large and begins where the sensor's range ended lies beyond it
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import cv2
@@ -48,7 +49,7 @@ class DepthByColor(NamedTuple):
     label: NDArray[np.int8]
     """H x W: -1 no plane, 0 sky, k on the k-th plane."""
     reached: BoolArray
-    """H x W, True where depth alone was missing and a path leads from a known pixel."""
+    """H x W, True where depth alone was missing and a lawful path leads from a known pixel."""
 
 
 def find_known_surfaces(
@@ -64,13 +65,19 @@ def find_known_surfaces(
 
 
 def fill_along_colors(
-    color: UInt8Array, missing: BoolArray, hole: BoolArray, surfaces: KnownSurfaces, sky: BoolArray
+    color: UInt8Array,
+    missing: BoolArray,
+    hole: BoolArray,
+    surfaces: KnownSurfaces,
+    sky: BoolArray,
+    is_lawful: Callable[[Float32Array, BoolArray], BoolArray] | None = None,
 ) -> DepthByColor:
     """Inverse depth and labels of the pixels of `missing` that a path reaches.
 
     color: H x W x 3; missing: H x W, True where depth alone is missing; hole: H x W, True where depth is unknown: `missing`, and
     where colours are, too; sky: H x W, True in pixels of `missing` that are known to be sky. Noisy depth is a matcher's, which
-    bleeds: there pixels of no plane count as 15 px farther off.
+    bleeds: there pixels of no plane count as 15 px farther off. is_lawful: says of inverse depth (H x W) where, among some pixels
+    (H x W), no other camera looked past it; where one did, no path counts: one colour may lead from an object to what is behind.
     """
     w, label = surfaces.inverse_depth, surfaces.label
     smooth_color = fill_with_nearest(color, missing | ~hole).astype(np.float32)
@@ -93,6 +100,9 @@ def fill_along_colors(
         at = np.divmod(some, w.shape[1])
         out.ravel()[some] = extend_surfaces(w, of_known, surfaces.planes, at, nearest)
     del source, places
+    if is_lawful is not None:
+        reached &= is_lawful(out, reached)
+        out[missing & ~reached], labels[missing & ~reached] = 0, SMOOTH
     relax_depth(out, reached & (labels == SMOOTH), smooth_color)
     return DepthByColor(out, labels, reached)
 

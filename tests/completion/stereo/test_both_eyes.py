@@ -21,7 +21,7 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.codes import LARGEST_CONFIDENCE, HoleType, Origin
 from dlama.geometry.drawing.grid_mesh import find_joints
-from dlama.geometry.holes import iou
+from dlama.geometry.holes import dilate_mask, iou
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.rendering import render
 from dlama.perception.stereo.agreement import carry_mask, transfer_mask
@@ -65,6 +65,21 @@ def completed(removing: bool, brighter: float = 1.0, view: str | None = None) ->
     masks = [SCENE.trace(camera)[1] == 1 for camera in CAMERAS] if removing else [None, None]
     how = {"mask": masks[0], "mask_right": masks[1], "right_view": view, "matcher": perfect}
     return stereo(*pictures(brighter), RIG, **how)  # type: ignore[arg-type]
+
+
+def test_what_one_camera_looks_past_has_not_the_depth_of_the_object_next_to_it() -> None:
+    """Closed form: box and wall of one colour, and the box's disparity bleeds 3 px over its edges, so that colours lead from it
+    into what one camera alone sees: that lies on the wall, 4 m away, for the other camera saw the wall past the box."""
+    found = []
+    for camera, disparity in zip(CAMERAS, matches(SCENE)):
+        box = SCENE.trace(camera)[1] == 1
+        found.append(np.where(dilate_mask(box, 3) & (disparity > 0), disparity[box].max(), disparity))
+    grey = np.random.default_rng(0).integers(118, 123, (2, *CAMERA.hw, 3)).astype(np.uint8)
+    done = stereo(*grey, RIG, matcher=lambda *_: tuple(found), filler="layered")
+    for view, camera in zip(done.views, CAMERAS):
+        alone = (view.origin == Origin.DEPTH_FILLED) & ~dilate_mask(SCENE.trace(camera)[1] == 1, 5)
+        assert alone.sum() > 300
+        assert (np.abs(view.depth[alone] - 4) < 0.1).mean() > 0.99
 
 
 def test_without_a_mask_both_pictures_stay_and_get_depth() -> None:

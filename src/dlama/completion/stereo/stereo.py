@@ -181,9 +181,9 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Ster
         right_before = right_before.without(dilate_mask(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
     lawful = with_object_depth(scene, pair.object_depth)
     own = filler_next_to(filler, right_before, recipe, left=True)
-    plan = dataclasses.replace(draft, inpainter=own, measured=lawful)
     both = dataclasses.replace(lawful, fills=(right_before,))  # what the right picture measured counts for the law too
-    context = dataclasses.replace(draft, measured=both).context
+    plan = dataclasses.replace(draft, inpainter=own, measured=both)
+    context = plan.context
 
     with clock("exchange"):
         other = right_before if pair.masks is None else continue_depth(right_before, context, plan.seed)

@@ -107,7 +107,7 @@ def paint_over_surfaces(
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """A network's picture of a view, which is being painted while other work goes on."""
+    """A network's picture of a view, painted while other work is done."""
 
     picture: Callable[[], UInt8Array]
     """Waits for it: H x W x 3."""

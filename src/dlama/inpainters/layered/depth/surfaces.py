@@ -26,7 +26,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.layered.depth.cut_objects import find_cut_objects
 from dlama.inpainters.layered.depth.foliage import copy_leaves
 from dlama.inpainters.layered.depth.out_of_view import FOLLOWED, cells_near
-from dlama.inpainters.layered.depth.surface_labels import GRID, CoarseView
+from dlama.inpainters.layered.depth.surface_labels import GRID, LEEWAY, CoarseView
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.perception.missing_depth import fill_along_colors, find_known_surfaces, move_beyond_range
 from dlama.perception.planes import SMOOTH, KnownSurfaces, plane_values, plane_values_at
@@ -76,7 +76,11 @@ def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfac
     missing = view.depth_hole
     known, sky = find_known_surfaces(view.color, view.known_depth, missing, seed)
     if missing.any():
-        along_colors = fill_along_colors(view.color, missing, view.hole, known, sky)
+
+        def is_lawful(w: Float32Array, where: BoolArray) -> BoolArray:
+            return where & ~context.law.violations(view.camera, LEEWAY * depth_from_inverse(w), where)
+
+        along_colors = fill_along_colors(view.color, missing, view.hole, known, sky, is_lawful)
         by_color = move_beyond_range(along_colors, known.inverse_depth, missing, view.hole)
         known = dataclasses.replace(known, inverse_depth=by_color.inverse_depth, label=by_color.label)
         if (by_color.reached | ~view.hole).all():
