@@ -170,7 +170,7 @@ def test_relative_depth_is_said_and_fitted(tmp_path: Path) -> None:
 
 
 def test_much_depth_at_the_far_limit_is_said(tmp_path: Path) -> None:
-    """A third of the codes say farthest: a line names the option, and that makes just these far."""
+    """A third of the codes say farthest: a line names the option, and that makes just these far, without the line."""
     codes = CODES.copy()
     codes[:16] = 255
     path = put(tmp_path / "a.jpg", gdepth(COLOR, codes, 0.4, 6.0, "RangeInverse", False))
@@ -178,7 +178,7 @@ def test_much_depth_at_the_far_limit_is_said(tmp_path: Path) -> None:
         UserWarning, match=r"34% of its depth lie at the farthest .* 6 m, and may be farther; `far=5.94`"
     ):
         read_rgbd(path, fov=60, sharpen=False)
-    assert own_rgbd(path, fov=60, far=5.94).far.mean() == pytest.approx(1 / 3, abs=0.03)
+    assert read_rgbd(path, fov=60, sharpen=False, far=5.94).far.mean() == pytest.approx(1 / 3, abs=0.03)
 
 
 def test_a_network_that_is_asked_for_is_used(tmp_path: Path) -> None:

@@ -145,7 +145,7 @@ def _estimate_rgbd(
     color = read_color(image)
     camera, source = _find_camera(image, color.shape[:2], lens, own)
     if own is not None:
-        rgbd = _use_photo_depth(image, color, camera, own, options)
+        rgbd = _use_photo_depth(image, color, camera, own, far, options)
     else:
         rgbd = estimate_depth(color, camera, depth_model=depth_model or DEFAULT, **options).rgbd
     about = dict(rgbd.estimate or {})
@@ -179,7 +179,12 @@ def _read_network_depth(image: PathLike, depth: PathLike, channel: str | None) -
 
 
 def _use_photo_depth(
-    image: PathLike, color: UInt8Array, camera: Camera | None, own: PhotoDepth, options: Mapping[str, Any]
+    image: PathLike,
+    color: UInt8Array,
+    camera: Camera | None,
+    own: PhotoDepth,
+    far: float | None,
+    options: Mapping[str, Any],
 ) -> RGBD:
     """The picture with the depth of its file at the picture's size, edges moved to the picture's as those of estimates are.
 
@@ -201,7 +206,7 @@ def _use_photo_depth(
                 "give `metres_at` or `camera_height`"
             )
     limit = own.about.get("at_far_limit_share", 0.0)
-    if limit > 0.05:
+    if limit > 0.05 and far is None:
         farthest = float(rgbd.depth[np.isfinite(rgbd.depth)].max())
         warn(
             f"{image}: {limit:.0%} of its depth lie at the farthest that it can say, {farthest:.3g} m, and may be farther; "
