@@ -241,5 +241,9 @@ def test_doctor_says_what_a_photo_carries(tmp_path: Path) -> None:
     )
     first, _ = diagnose(put(tmp_path / "a.jpg", picture(COLOR)))
     assert first.what == "a.jpg: carries no depth: it is estimated, unless a depth file is given"
+    _, framed, _ = diagnose(put(tmp_path / "c.jpg", picture(np.pad(COLOR, ((16, 16), (0, 0), (0, 0))))))
+    assert (
+        framed.line == "c.jpg: the picture has bars, 15 px above and 15 px below: crop them off (certain)"
+    )  # JPEG blurs one
     bad = put(tmp_path / "b.jpg", gdepth(COLOR, CODES, 6.0, 0.4, "RangeLinear", False))
     assert [found.severity for found in diagnose(bad)] == ["fault"]

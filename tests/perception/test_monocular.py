@@ -24,6 +24,7 @@ from dlama.perception.monocular import (
     ESTIMATORS,
     SHIPPED,
     Estimator,
+    describe_bars,
     estimate_depth,
     find_estimator,
 )
@@ -184,6 +185,20 @@ def test_bad_pictures_and_predictions_get_one_line() -> None:
     ):
         with pytest.raises(DepthError, match=reported):
             quiet(RGBD_OF_WORLD.color, depth_model=prediction)
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_bars_of_a_film_or_scan_are_warned_of(level: int) -> None:
+    """Oracle: the bars that were put there; a picture off the middle, a small thing on white and the picture itself have none."""
+    color = RGBD_OF_WORLD.color
+    boxed = np.pad(color, ((7, 7), (0, 0), (0, 0)), constant_values=level)
+    prediction = DepthPrediction(np.ones((62, 64), np.float32), "depth", True)
+    with pytest.warns(UserWarning, match=r"has bars, 7 px above and 7 px below: .*: crop them off"):
+        estimate_depth(boxed, Camera.from_fov(64, 62, 60), depth_model=lambda _: prediction)
+    assert describe_bars(boxed.transpose(1, 0, 2)) == "the picture has bars, 7 px left and 7 px right"
+    assert describe_bars(color) == describe_bars(np.pad(color, ((7, 12), (3, 9), (0, 0)), constant_values=level)) == ""
+    thing = np.pad(color, ((40, 40), (50, 50), (0, 0)), constant_values=level)
+    assert describe_bars(thing) == describe_bars(np.full((9, 9, 3), level, np.uint8)) == ""
 
 
 def test_names_are_those_of_the_catalogue() -> None:

@@ -35,6 +35,7 @@ from dlama.perception.diagnosis.lens import check_exif, check_lens
 from dlama.perception.diagnosis.registration import correlate_edges
 from dlama.perception.diagnosis.rgbd_checks import check_terraces, describe_frame, run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
+from dlama.perception.monocular import describe_bars
 from dlama.writing.atomic_write import PathLike
 
 LENS = ("camera", "fx", "fy", "cx", "cy", "fov", "pixel_center")
@@ -187,9 +188,11 @@ def _examine_photo(image: Path, lens: Mapping[str, Any]) -> Found:
         warnings.simplefilter("always", UserWarning)
         own = read_photo_depth(image)
         if own is None:
-            read_stored(image)
             what = f"{image.name}: carries no depth: it is estimated, unless a depth file is given"
-            return [Finding("photo-depth", "note", 1.0, what)], image.name, ["a picture"]
+            found = [Finding("photo-depth", "note", 1.0, what)]
+            if bars := describe_bars(read_color(image)):
+                found.append(Finding("bars", "fault", 0.9, f"{image.name}: {bars}", "crop them off"))
+            return found, image.name, ["a picture"]
         rgbd = read_rgbd(image, **lens)
     found = check_lens(rgbd.camera)
     found += [Finding("photo-depth", "note", 1.0, " ".join(str(one.message).split())) for one in noted]

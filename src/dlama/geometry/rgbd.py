@@ -149,12 +149,12 @@ def _find_padding(color: UInt8Array, depth: Float32Array) -> BoolArray | None:
     if any((depth[line] != 0).mean() > 1 - PADDING_SHARE for line in lines):
         return None
     for level in (255, 0):
-        if all(_is_level(color[line], level).mean() >= PADDING_SHARE for line in lines):
-            return _frame_of(_is_level(color, level) & (depth == 0))
+        if all(is_level(color[line], level).mean() >= PADDING_SHARE for line in lines):
+            return _frame_of(is_level(color, level) & (depth == 0))
     return None
 
 
-def _is_level(color: UInt8Array, level: int) -> BoolArray:
+def is_level(color: UInt8Array, level: int) -> BoolArray:
     """True in the pixels of a picture, or of a line of it (... x 3), that are white (255) or black (0), as padding is."""
     return np.asarray(((level - PADDING_LEVELS <= color) & (color <= level + PADDING_LEVELS)).all(-1))
 

@@ -20,7 +20,16 @@ from dlama.arguments import check, check_arguments, function_name
 from dlama.errors import DepthError, FileError, InputError, check_same_size, system_errors, warn
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth, round_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color, is_valid
+from dlama.geometry.rgbd import (
+    PADDING_SHARE,
+    RGBD,
+    BoolArray,
+    Float32Array,
+    UInt8Array,
+    check_color,
+    is_level,
+    is_valid,
+)
 from dlama.models.cache import locate, user_path
 from dlama.models.network_file import ASSETS, NetworkFile, open_kept
 from dlama.models.records import CATALOGUE
@@ -103,6 +112,8 @@ def estimate_depth(
         raise DepthError(
             "the picture has nearly one colour all over: there is nothing to estimate depth from; give depth"
         )
+    if bars := describe_bars(color):
+        warn(f"{bars}: networks take them for surfaces, and the depth of the rest is worse for it: crop them off")
     check_known(metres_at, camera_height, color.shape[:2])
     name, estimator = find_estimator(depth_model)
     prediction = estimator(color)
@@ -143,6 +154,27 @@ def contrast(color: UInt8Array) -> float:
         up_to = np.cumsum(cv2.calcHist([color], [channel], None, [256], [0, 256]).ravel().astype(np.int64))
         ranges.append(np.searchsorted(up_to, up_to[-1] - least) - np.searchsorted(up_to, least))
     return float(max(ranges))
+
+
+def describe_bars(color: UInt8Array) -> str:
+    """In words, black or white bars of one width along opposite borders of a picture (H x W x 3), as of films and scans; "" where
+    there are none."""
+    for lines, sides in ((color, ("above", "below")), (color.transpose(1, 0, 2), ("left", "right"))):
+        least, widths = max(2, 0.01 * len(lines)), [bar_width(lines), bar_width(lines[::-1])]
+        if min(widths) >= least >= abs(widths[0] - widths[1]):
+            return "the picture has bars, " + " and ".join(f"{n} px {side}" for n, side in zip(widths, sides))
+    return ""
+
+
+def bar_width(lines: UInt8Array) -> int:
+    """How many lines of a picture (L x N x 3) are black or white, from the first on; 0 where most of each of the next eight is,
+    too, as round an object on white."""
+
+    def plain(line: UInt8Array) -> float:
+        return max(float(is_level(line, level).mean()) for level in (0, 255))
+
+    width = next((n for n, line in enumerate(lines) if plain(line) < PADDING_SHARE), 0)
+    return width if min(map(plain, lines[width : width + 8])) < 0.5 else 0
 
 
 @system_errors(FileError)
