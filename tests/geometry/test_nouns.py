@@ -13,7 +13,7 @@ from dlama.errors import DepthError, InputError, InputTypeError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import Mesh, PointCloud, concatenate
 from dlama.geometry.codes import HoleType, Origin, from_source
-from dlama.geometry.rgbd import RGBD, check_color
+from dlama.geometry.rgbd import RGBD, check_color, describe_depth_range
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -196,6 +196,8 @@ def test_pictures_say_what_they_are_in_one_line() -> None:
     """Closed form: valid depths are 1, 2 and 3 m, two of six pixels lack depth; one more is removed of the view."""
     rgbd = RGBD(COLOR, DEPTH, CAMERA)
     assert repr(rgbd) == "RGBD(3x2, 1 to 3 m, 33 % missing)"
+    assert describe_depth_range(np.float32([0, 0.01234, 999.98, 12345, np.inf])) == "0.0123 to 12300 m"
+    assert describe_depth_range(np.zeros(1, np.float32)) == "no depth"
     view = View.from_rgbd(rgbd).without(np.array([[1, 0, 0], [0, 0, 0]], np.bool_), HoleType.OBJECT)
     assert repr(view) == "View(3x2, 2 to 3 m, 50 % hole, 0 % filled)"
     assert repr(Scene((view,))) == f"Scene(1 frame, 0 removals, 0 fills, first frame {view!r})"

@@ -187,7 +187,8 @@ def percent(where: BoolArray) -> str:
 def describe_depth_range(depth: Float32Array) -> str:
     """Smallest and largest valid depth (H x W metres, 0 = missing, +inf = far), for people: `1.4 to 14 m`, `no depth`."""
     valid = depth[is_valid(depth)]
-    return f"{valid.min():.3g} to {valid.max():.3g} m" if valid.size else "no depth"
+    ends = [f"{float(f'{end:.3g}'):g}" for end in (valid.min(), valid.max())] if valid.size else []  # .3g gives 1e+03
+    return f"{' to '.join(ends)} m" if ends else "no depth"
 
 
 def make_read_only(array: np.ndarray) -> np.ndarray:
