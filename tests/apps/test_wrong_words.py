@@ -16,6 +16,7 @@ from dlama.apps.terminal.flags import flags_of
 from dlama.apps.terminal.output import errors_as_lines
 from dlama.apps.verbs.sequence import mask_files, read_masks
 from dlama.errors import CameraError, DlamaError, InputError, MaskError
+from dlama.files.rasters.masks import read_mask
 
 WRONG = """
 view a.png --yaw ten => --yaw is 'ten'; a number is expected
@@ -178,5 +179,9 @@ def test_black_masks_among_others_are_passed_over(tmp_path: Path) -> None:
     with pytest.raises(MaskError, match=r"black.png: the mask is empty"):
         read_masks({"black": files["black"]})
     Image.fromarray(mask // 255).save(files["black"])
-    with pytest.raises(MaskError, match=r"its largest value is 1; 255 means remove"):
+    with pytest.raises(MaskError, match=r"its largest value is 1; 255 means remove.*`?mask_class=1,1,1`? removes one"):
+        read_masks(files)
+    np.testing.assert_array_equal(read_mask(files["black"], mask_class="1,1,1"), mask > 0)
+    Image.fromarray(mask // 15).save(files["black"])  # label 17
+    with pytest.raises(MaskError, match=r"values 17.*mask_class=17,17,17`? removes one"):
         read_masks(files)

@@ -38,8 +38,8 @@ def read_mask(
             white. Where pixels are transparent, alpha is the mask, which a warning says; of EXR it is always.
         mask_polarity: "fill": white (255) is removed; "known": white stays.
         soft_mask: Take a grey mask, values above 127 as white; else values between are refused.
-        mask_class: The picture is an EasySynth semantic one; take the pixels of this class: "R,G,B", or a name that stands in
-            SemanticClasses.csv next to the picture or up to three folders above.
+        mask_class: The picture is an EasySynth semantic one, or a map of labels; take the pixels of this class: "R,G,B", or a
+            name that stands in SemanticClasses.csv next to the picture or up to three folders above.
 
     Raises:
         FileError: the file is missing or damaged.
@@ -60,7 +60,9 @@ def read_mask(
     if mask_polarity == "known":
         mask = ~mask
     if not mask.any():
-        hint = f" (its largest value is {largest}; 255 means remove)" if 0 < largest <= HIGHEST_BLACK else ""
+        hint = ""
+        if 0 < largest <= HIGHEST_BLACK:
+            hint = f" (its largest value is {largest}; 255 means remove{_hint_at_labels(path, largest)})"
         kind = MaskError if hint else EmptyMaskError
         raise kind(f"{path}: the mask is empty, nothing is to be removed{hint}; see `mask_polarity`")
     if mask.all():
@@ -142,17 +144,24 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
     if between.size:
         found = np.unique(between)
         shown = ", ".join(map(str, found[:6])) + (f", ... {found[-1]}" if found.size > 6 else "")
-        deep = Path(path).suffix.lower() in SUFFIXES and read_stored(path).values.dtype == np.uint16
-        hint = (
-            " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given, or given before it?)"
-            if deep
-            else ""
-        )
+        hint = _hint_at_labels(path, found[-1]) if found.size <= 6 else ""
+        if _is_deep(path):
+            hint = " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given, or given before it?)"
         raise MaskError(
             f"{path}: {between.size} of {grey.size} pixels are neither black nor white (values {shown}); "
             f"0 and 255 are expected, or `soft_mask`, which takes values above 127 as white{hint}"
         )
     return grey >= LOWEST_WHITE
+
+
+def _is_deep(path: PathLike) -> bool:
+    """Whether a mask file holds 16-bit numbers."""
+    return Path(path).suffix.lower() in SUFFIXES and read_stored(path).values.dtype == np.uint16
+
+
+def _hint_at_labels(path: PathLike, value: int) -> str:
+    """What removes the pixels of one value of a map of labels, as segmenters write them."""
+    return "" if _is_deep(path) else f"; of a map of labels `mask_class={value},{value},{value}` removes one"
 
 
 def _class_mask(path: PathLike, mask_class: str) -> BoolArray:
