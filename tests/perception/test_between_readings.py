@@ -51,6 +51,23 @@ def test_readings_keep_their_bits_and_depth_between_them_is_that_of_the_surfaces
     assert not dense.depth[: top - reach_between(known) - 1].any()
 
 
+def test_a_scan_below_a_sky_that_is_marked_is_a_scan() -> None:
+    """Oracle: the floor; half of the picture is known to be far, as a segmenter marks sky, and stays so.
+    Wires before the sky are none."""
+    whole = World((FLOOR,)).rgbd(CAMERA)
+    assert 0.3 < whole.far.mean() < 0.6
+    depth = np.where(whole.far, np.float32(np.inf), scan(whole).depth)
+    dense = dlama.densify(dataclasses.replace(whole, depth=depth))
+    assert dense.far[whole.far].all()
+    below = whole.valid & (whole.depth < 20)
+    np.testing.assert_allclose(dense.depth[below], whole.depth[below], rtol=0.02)
+    wires = np.where(np.arange(256) % 9, np.float32(np.inf), np.float32(4)) * np.ones((192, 1), np.float32)
+    wires[:20, :20] = 0
+    assert dlama.densify(thin := dataclasses.replace(whole, depth=wires)) is thin
+    repeated = repeat_readings(depth)
+    assert np.array_equal(np.isposinf(repeated), whole.far) and (repeated[below] > 0).all()
+
+
 def test_the_frame_round_a_scan_gives_no_depth() -> None:
     """Law: a white frame shows nothing of the scene; next to it depth is that of the scene, not far."""
     whole = World((FLOOR, WALL)).rgbd(CAMERA)

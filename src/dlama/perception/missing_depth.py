@@ -158,8 +158,8 @@ def densify(rgbd: RGBD) -> RGBD:
     the sky does. `view` and `remove` need it not; frames of `scene` do.
     """
     check_arguments(densify, locals())
-    known = rgbd.depth > 0
-    if not has_single_readings(known):
+    known = rgbd.valid
+    if not has_single_readings(rgbd.depth):
         return rgbd
     view = View.from_rgbd(rgbd)
     surfaces, sky = find_known_surfaces(view.color, view.known_depth, view.depth_hole)
@@ -169,13 +169,15 @@ def densify(rgbd: RGBD) -> RGBD:
     return dataclasses.replace(rgbd, depth=freeze(depth))
 
 
-def has_single_readings(known: BoolArray) -> bool:
-    """Whether most known pixels (H x W) have none above and below them, or none at their sides: points or lines of a scan."""
+def has_single_readings(depth: Float32Array) -> bool:
+    """Whether depth (H x W) is missing above and below most readings, or at their sides: points or lines of a scan. Far pixels,
+    as of sky that was marked, are no readings, and not missing."""
+    read, known = is_valid(depth), depth > 0
     if known.all():
         return False
     near = np.pad(known, 1)
     alone = ~(near[:-2, 1:-1] | near[2:, 1:-1]) | ~(near[1:-1, :-2] | near[1:-1, 2:])
-    return bool((alone & known).sum() > 0.5 * known.sum())
+    return bool((alone & read).sum() > 0.5 * read.sum())
 
 
 def reach_between(known: BoolArray) -> int:
@@ -186,11 +188,12 @@ def reach_between(known: BoolArray) -> int:
 
 def repeat_readings(depth: Float32Array) -> Float32Array:
     """H x W metres (0 = missing): between single readings that of the nearest one, without a picture; other depth as it is."""
-    known = depth > 0
-    if not has_single_readings(known):
+    known = is_valid(depth)
+    if not has_single_readings(depth):
         return depth
     distance, nearest = nearest_known(known)
-    return np.where(distance <= reach_between(known), depth.ravel()[nearest], np.float32(0))
+    between = (distance <= reach_between(known)) & ~np.isposinf(depth)
+    return np.where(between, depth.ravel()[nearest], depth)
 
 
 def move_beyond_range(filled: DepthByColor, w: Float32Array, missing: BoolArray, hole: BoolArray) -> DepthByColor:

@@ -27,7 +27,7 @@ def decide_reading(frames: Sequence[Frame], hw: tuple[int, int], max_depth: floa
 def decide_depth(files: FrameFiles, hw: tuple[int, int]) -> Decisions:
     """By the first frame."""
     recorded, _ = load_depth(files)
-    if recorded.shape != hw or not has_single_readings(recorded > 0):
+    if recorded.shape != hw or not has_single_readings(recorded):
         return {}
     return {
         "depth": {"name": "densified", "reason": "single readings, as of a LIDAR: filled along colours between them"}
