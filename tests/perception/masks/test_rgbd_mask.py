@@ -258,3 +258,14 @@ def test_clicks_at_the_border_stay_in_the_picture(large_scene: tuple[RGBD, np.nd
     height, width = picture.rgbd.depth.shape
     assert smaller.on == [(height - 1, width - 1), (0, 0)] and smaller.away == [(0, width - 1)]
     assert picture.prompt(Prompt((480, 640), ((100.9, 100.9),), box=(100, 100, 1, 1))).inside.sum() == 1
+
+
+@pytest.mark.usefixtures("large_scene")
+def test_a_box_as_wide_as_a_large_picture_is_as_wide_as_the_small_one() -> None:
+    """Law, at sizes of which some have no exact ratio in floating point."""
+    for width in range(340, 380):
+        hw = (300, width)
+        rgbd = RGBD(np.zeros((*hw, 3), np.uint8), np.ones(hw, np.float32), Camera.from_fov(width, 300, 70))
+        picture = SmallPicture.of(rgbd)
+        assert picture is not None
+        assert picture.prompt(Prompt(hw, box=(0, 0, width, 300))).inside.all()

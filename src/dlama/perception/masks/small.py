@@ -50,7 +50,8 @@ class SmallPicture:
         off = tuple((x, y) for x, y in off if (int(y), int(x)) not in taken)
         box = prompt.box
         if box is not None:
-            box = box[0] * across, box[1] * down, max(box[2] * across, 1.0), max(box[3] * down, 1.0)
+            wide, high = min(max(box[2] * across, 1.0), width), min(max(box[3] * down, 1.0), height)  # rounding
+            box = box[0] * across, box[1] * down, wide, high
         return Prompt((height, width), on, off, box)
 
     @property
