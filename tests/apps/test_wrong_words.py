@@ -169,13 +169,17 @@ def test_two_masks_of_one_frame_are_refused(tmp_path: Path) -> None:
 
 
 def test_black_masks_among_others_are_passed_over(tmp_path: Path) -> None:
-    """As a segmenter of videos writes them where the object is out of view; all of them black, or 1 for 255, are refused."""
+    """As a segmenter of videos writes them where the object is out of view, also of labels; all of them black, or 1 for 255, are
+    refused."""
     mask = np.zeros((4, 6), np.uint8)
     files = {name: tmp_path / f"{name}.png" for name in ("black", "marked")}
     Image.fromarray(mask).save(files["black"])
     mask[1, 2] = 255
     Image.fromarray(mask).save(files["marked"])
     assert [name for name, found in read_masks(files).items() if found.any()] == ["marked"]
+    assert list(read_masks(files, mask_class="255,255,255")) == ["marked"]
+    with pytest.raises(MaskError, match=r"no pixel shows class 9,9,9"):
+        read_masks(files, mask_class="9,9,9")
     with pytest.raises(MaskError, match=r"black.png: the mask is empty"):
         read_masks({"black": files["black"]})
     Image.fromarray(mask // 255).save(files["black"])
