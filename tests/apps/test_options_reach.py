@@ -132,7 +132,8 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     found = SimpleNamespace(mask="mask", masker="rgbd", chosen="object", notes=(), about={})
     spy("dlama.perception.object_masks.find_mask", found)
     spy("dlama.perception.object_masks.complete_mask", found)
-    spy("dlama.jobs.inputs.semantic_picture", Path("semantic.png"))
+    for place in ("jobs.inputs", "apps.verbs.pictures"):
+        spy(f"dlama.{place}.semantic_picture", Path("semantic.png"))
     spy("dlama.apps.reading.Command.write_mask")
     spy("dlama.apps.reading.summary_line", "")
     spy("dlama.apps.reading.summary_values", {})
