@@ -130,6 +130,10 @@ def _seen_past() -> None:
     _replace("inpainters.layered.depth.surfaces", "fill_along_colors", lambda *of: fill_along_colors(*of[:5]))
 
 
+def _unlike_frames() -> None:
+    _replace("geometry.frames.merging", "UNLIKE", np.inf)
+
+
 def _depth_camera() -> None:
     """What depth edges next to the picture's change: their place, halo, softening, solid planes."""
     _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
@@ -252,5 +256,6 @@ RULES: dict[str, Callable[[], None]] = {
     "plain-infinity": _plain_infinity,
     "refined-disparity": _refined_disparity,
     "seen-past": _seen_past,
+    "unlike-frames": _unlike_frames,
 }
 """Name -> what turns the rule off."""

@@ -213,3 +213,25 @@ def test_a_table_continues_behind_what_stood_on_it() -> None:
     assert on_table.sum() > 100
     assert not (on_table & shown & (view.depth > 1.1 * empty.depth)).any()
     assert (shown & ~on_table).any()  # the wall above the table is seen by the other frame
+
+
+def test_depth_of_another_surface_is_not_taken_for_that_of_what_is_seen() -> None:
+    """Closed form: a blue ball without depth in both frames stands before a grey wall that the other one sees past it. Its
+    pixels stay without depth here, though that frame has the wall's there; the wall's own, missing next to it, are found."""
+    given = []
+    for number, camera in enumerate(CAMERAS[:2]):
+        truth, surface, *_ = WORLD.trace(camera)
+        ball = surface == 1
+        color = np.where(ball[..., None], (40, 60, 220), (150, 150, 150)).astype(np.uint8)
+        depth = np.where(ball, 0, truth).astype(np.float32)
+        if number == 0:
+            first, beside = ball, np.roll(ball, 14, 1) & ~ball & (surface == 0)
+            depth[beside] = 0
+        given.append(RGBD(color, depth, camera))
+    view = render(as_scene(given), CAMERAS[0])
+    inner = erode_square(first, 5)
+    assert inner.sum() > 30 and view.hole[inner].all()
+    np.testing.assert_array_equal(view.color[first], given[0].color[first])
+    found = beside & ~view.hole
+    assert found.sum() > 0.5 * beside.sum() and (view.origin[found] == Origin.ELSEWHERE).all()
+    np.testing.assert_allclose(view.depth[found], WORLD.trace(CAMERAS[0])[0][found], rtol=0.02)

@@ -27,7 +27,7 @@ from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.drawing import merging as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import inverse_depth, project_to_pixels, px_from_px, unproject
-from dlama.geometry.rgbd import Float32Array, UInt16Array, paste
+from dlama.geometry.rgbd import Float32Array, UInt16Array, paste, replace_pixels
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -38,6 +38,9 @@ KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 5_000_000
 BEHIND, AROUND_PX = 1.15, 16
 """Depth over that of the surface that continues behind a removed object, from which a pixel is behind that surface; px round the
 object in which the surface is known."""
+UNLIKE, UNLIKE_PX = 8.0, 7
+"""Levels by which colours differ, as the means of squares of so many px and of the channels, where another frame shows another
+surface than the one whose depth is missing: neither measured that, and so it hides nothing."""
 Found = TypeVar("Found")
 
 
@@ -155,14 +158,19 @@ def _open_gaps(canvas: Canvas, best: UInt16Array, own: View, others: Sequence[Vi
 
 
 def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
-    """A frame's own pixels as they are; depth of others where it has none is ELSEWHERE, and its own colours stay."""
+    """A frame's own pixels as they are; depth of others where it has none, and where they show its colours, is ELSEWHERE."""
     known = own.valid | own.far
     colored = own.depth_hole
     others = ~known & (canvas.depth > 0) & (best > 0)
     between = others & ~colored
     slivers = between & ~morphological_open(between, square(3))  # visible between misaligned edges: left to be filled
+    unlike = others & colored
+    if unlike.any():
+        shown = replace_pixels(own.color, others, canvas.color)
+        means = (cv2.blur(each, (UNLIKE_PX, UNLIKE_PX)) for each in (shown, own.color))
+        unlike &= cv2.absdiff(*means).mean(-1) > UNLIKE
     for plane in (*canvas[:4], best):
-        plane[slivers] = 0
+        plane[slivers | unlike] = 0
     others &= best > 0
     canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED.value)] = Origin.ELSEWHERE
     paste(own.color, known | colored, canvas.color)
