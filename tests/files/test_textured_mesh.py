@@ -112,6 +112,18 @@ def test_nothing_bleeds_in_at_edges() -> None:
     assert (pack_textures((part,))[0] == 255).all()
 
 
+def test_rims_are_inside_their_own_picture() -> None:
+    """A part whose vertices reach over what is shown of it, beside a black one: all of it is white (oracle: its only colour)."""
+    part = decimate(view(WORLD.rgbd(CAMERA), yaw=20, filler="telea").scene.layers[0])
+    shown = np.zeros(part.surface.shape, bool)
+    shown[20:30, 20:30] = True
+    levels = [np.full((*shown.shape, 3), level, np.uint8) for level in (255, 0)]
+    white, black = (MeshPart(part.mesh, part.pixels, picture, shown) for picture in levels)
+    texture, places = pack_textures((white, black))
+    columns, rows = (white.pixels + places[0]).astype(int).T
+    assert (texture[rows, columns] == 255).all()
+
+
 def test_a_tall_texture_is_filled_from_near_rows(monkeypatch):
     """Oracle: all rows at once, by the same distances, where no nearest pixel lies farther than the rows that are looked at."""
     monkeypatch.setattr(textured_mesh, "ROWS", 16)

@@ -16,7 +16,7 @@ import numpy as np
 from dlama.files.scenes.glb import SHORT_VERTICES, Glb
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import Mesh, join_meshes
-from dlama.geometry.holes import box_around, fill_with_nearest, sides_of
+from dlama.geometry.holes import Box, box_around, fill_with_nearest, sides_of
 from dlama.geometry.layers.decimation import decimate
 from dlama.geometry.layers.layered_mesh import MeshPart
 from dlama.geometry.rgbd import BoolArray, UInt8Array
@@ -124,10 +124,7 @@ def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Ar
     """One picture that holds what is seen of every part, in rows from the top; and for each part what takes x, y of its own
     picture to that one's (px). Pixels that are not seen take the nearest one's colour: nothing bleeds in at edges.
     """
-    boxes = [
-        np.s_[0 : len(one.picture), 0 : one.picture.shape[1]] if one.shown is None else box_around(one.shown, 0)
-        for one in parts
-    ]
+    boxes = [textured_box(one) for one in parts]
     sizes = [sides_of(box) for box in boxes]
     places, hw = place_in_rows(sizes)
     texture = np.zeros((*hw, 3), np.uint8)
@@ -138,6 +135,16 @@ def pack_textures(parts: Sequence[MeshPart]) -> tuple[UInt8Array, list[Float64Ar
         else:
             fill_unseen(part.picture[box], part.shown[box], place)
     return texture, [np.array([x - box[1].start, y - box[0].start], float) for (y, x), box in zip(places, boxes)]
+
+
+def textured_box(part: MeshPart) -> Box:
+    """Rows and columns of a part's picture that hold what is seen of it, and its vertices: rims reach over what is seen."""
+    if part.shown is None:
+        return np.s_[0 : len(part.picture), 0 : part.picture.shape[1]]
+    columns, rows = part.pixels.astype(int).T
+    used = part.shown.copy()
+    used[rows, columns] = True
+    return box_around(used, 0)
 
 
 def place_in_rows(sizes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
