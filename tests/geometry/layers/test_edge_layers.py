@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.fusion import add_layer
-from dlama.geometry.layers.edge_layers import continue_under_edges
+from dlama.geometry.layers.edge_layers import continue_everywhere, continue_under_edges
 from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
@@ -62,3 +63,17 @@ def test_nothing_to_continue() -> None:
     """A wall alone, and a view of nothing, come back without a pixel."""
     for metres in (1, 0):
         assert not continue_under_edges(View.from_rgbd(rgbd_of(np.full((8, 8), metres))), 3)[1].any()
+
+
+def test_what_is_farthest_continues_everywhere() -> None:
+    """A little behind itself: the wall within 3 px of it, the box in its middle; a hole as the pixel next to it."""
+    view = box_before_a_wall()
+    hole = np.zeros((48, 64), bool)
+    hole[0, 0] = True
+    layer = continue_everywhere(view.without(hole, HoleType.SENSOR), 3)
+    middle = np.zeros((48, 64), bool)
+    middle[19:29, 23:41] = True
+    assert np.allclose(layer.depth * 0.98, np.where(middle, 2, 4)) and not layer.hole.any()
+    assert (layer.color[middle] == (0, 200, 0)).all() and (layer.color[~middle] == (200, 0, 0)).all()
+    empty = view.without(np.ones((48, 64), bool), HoleType.SENSOR)
+    assert continue_everywhere(empty, 3) is empty

@@ -56,6 +56,26 @@ def continue_under_edges(view: View, reach: int, least: float = 0.0) -> tuple[Vi
     return layer, added
 
 
+def continue_everywhere(view: View, reach: int) -> View:
+    """The farthest surface within `reach` px of each pixel of the view, a little behind itself and FILLED: nothing of the view
+    lies behind it. Holes take the nearest pixel before. Of a view without any depth, the view."""
+    if view.hole.all():
+        return view
+    source = nearest_known(~view.hole)[1]
+    w = behind = inverse_depth(view.depth.ravel()[source])
+    for _ in range(reach):
+        behind, source = spread(behind, source, w, behind)
+    return view.with_planes(
+        color=view.color.reshape(-1, 3)[source],
+        depth=depth_from_inverse(behind * BEHIND),
+        hole=np.zeros_like(view.hole),
+        hole_type=np.zeros_like(view.hole_type),
+        origin=np.full_like(view.origin, Origin.FILLED),
+        confidence=np.full_like(view.confidence, CONFIDENCE),
+        errors=None,
+    )
+
+
 def shift_plane(plane: np.ndarray, step: tuple[int, int], outside: float) -> np.ndarray:
     """H x W: of each pixel the value of the neighbour at a step (rows, columns); beyond the border `outside`."""
     (rows, columns), (down, right) = plane.shape, step

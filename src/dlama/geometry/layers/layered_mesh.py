@@ -17,7 +17,9 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.frames.stored import Layer
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.layers.decimation import decimate
+from dlama.geometry.layers.edge_layers import continue_everywhere
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.soft_edges import join_depth
 from dlama.geometry.layers.source_sheets import (
@@ -31,6 +33,7 @@ from dlama.geometry.layers.source_sheets import (
 )
 from dlama.geometry.layers.subsampling import step_for, subsample
 from dlama.geometry.projection import project_to_pixels
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
@@ -47,6 +50,8 @@ BEHIND = 0.002
 the one before it, lest the two show in turn."""
 IN_FRONT = 0.95
 """Share of the measured depth; what is nearer than that is another surface, which hides it."""
+BACKDROP, BACKDROP_STEP, BACKDROP_REACH = 48, 4, 10
+"""Vertices of the backdrop across, at most; px of its picture between two; and px within which what is farthest counts."""
 SKY, FARTHEST = 4.0, 0.98
 """Distance of the sky in that of the farthest surface, which is this quantile of the depth of a frame."""
 
@@ -63,6 +68,7 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
     step = step_for(int((~source.hole).sum()), GRID_PIXELS)
     parallax = source.camera.fx / step * math.tan(math.radians(box.angle))
     shares = [min(max(px / max(parallax, 1e-9), LEAST_SHARE), LARGEST_SHARE) for px in TOLERANCES]
+    backdrop = mesh_backdrop(scene, box, distance)
 
     @cache
     def sheets(step: int) -> list[Sheet]:
@@ -73,14 +79,36 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
             own = max(1, round(step * layer.camera.fx / source.camera.fx))
             if min(layer.camera.hw) >= 2 * own:
                 part = mesh_part(layer.load(), own, box, distance, share)
-                behind = BEHIND + (1 + number / 4) * share
-                yield move_back(drop_in_front(part, box.camera, home), box.camera, behind)
+                yield move_back(drop_in_front(part, box.camera, home), box.camera, behind(number, share))
+        yield move_back(backdrop, box.camera, behind(len(others) + 1, share))
 
     own = fit_triangles(
         lambda n, share: (sheet.mesh(share) for sheet in sheets(n)), step, shares, most_triangles * SOURCE_SHARE
     )
     rest = most_triangles - sum(len(part.mesh.triangles) for part in own)
     return [*own[:-1], *fit_triangles(fills, 2 * step, shares[1:], rest), own[-1]]
+
+
+def behind(number: int, share: float) -> float:
+    """Share of the distance by which the number-th fill lies behind what it joins, where its depth may be off by a share."""
+    return BEHIND + (1 + number / 4) * share
+
+
+def mesh_backdrop(scene: Scene, box: HeadBox, sky: float) -> MeshPart:
+    """One surface behind everything, which shows where the others, of large triangles and cut at edges, leave gaps between them:
+    what is farthest round each place, in the picture of the camera that sees most; sky: as of `mesh_part`."""
+    camera = box.wide()
+    scale = BACKDROP * BACKDROP_STEP / max(camera.wh)
+    width, height = (max(round(side * scale), 2 * BACKDROP_STEP) for side in camera.wh)
+    rim = BACKDROP_STEP  # the surface ends at the middle of the last of its pixels
+    camera = camera.resized(width, height).cropped(-rim, -rim, width + 2 * rim, height + 2 * rim)
+    seen = place_sky(render(scene, camera, types=False), box.camera, sky)
+    small = subsample(continue_everywhere(seen, BACKDROP_REACH), BACKDROP_STEP)
+    joined = np.full(small.hole.shape, RIGHT | DOWN, np.uint8)
+    joined[:, -1] &= DOWN
+    joined[-1] &= RIGHT
+    found = decimate(small, LARGEST_SHARE, (small.depth, joined))
+    return MeshPart(found.mesh, found.pixels, small.color, None)
 
 
 def fill_own_holes(scene: Scene, camera: Camera) -> tuple[View, list[Layer]]:
