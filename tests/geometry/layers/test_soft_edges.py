@@ -68,3 +68,14 @@ def test_without_an_edge_all_stays() -> None:
     wall = View.from_rgbd(RGBD(mix().color, np.full((48, 64), 3, np.float32), CAMERA))
     soft = edges_of(wall)
     assert not soft.band.any() and (separate_colors(wall).color == wall.color).all()
+
+
+def test_separated_colors_do_not_overshoot() -> None:
+    """A border of random shades between a dark surface and a bright one: none is darker or brighter than both."""
+    color = np.full((48, 64, 3), 200.0)
+    color[:, :32] = 90
+    color[:, 31:34] = np.clip(150 + np.random.default_rng(0).normal(0, 25, (48, 3, 3)), 90, 200)
+    depth = np.where(np.arange(64) < 33, 2, 4).astype(np.float32)
+    given = RGBD(color.astype(np.uint8), np.tile(depth, (48, 1)), CAMERA)
+    found = separate_colors(View.from_rgbd(given)).color
+    assert found.min() >= 90 and found.max() <= 200

@@ -54,6 +54,8 @@ class SoftEdges(NamedTuple):
     """H x W x 3: colour of the near surface."""
     back: UInt8Array
     """H x W x 3: colour of the far surface."""
+    sample: UInt8Array
+    """H x W x 3: of the near surface further off, which `front` was found with."""
 
 
 def complete_surfaces(view: View, least: float = 0.0) -> tuple[Float32Array, UInt8Array]:
@@ -83,7 +85,9 @@ def separate_colors(view: View) -> View:
     """The view with the colours that its two surfaces have near depth edges in place of what is mixed of them."""
     depth, joined = complete_surfaces(view)
     soft = find_soft_edges(view.color, inverse_depth(depth), joined, 1)
-    return view.with_planes(color=np.where(soft.near_side[..., None], soft.front, soft.back))
+    least, most = np.minimum(view.color, soft.sample), np.maximum(view.color, soft.sample)
+    front = np.clip(soft.front, least, most)  # what noise it has grows by 1 / alpha, which no alpha takes back here
+    return view.with_planes(color=np.where(soft.near_side[..., None], front, soft.back))
 
 
 def find_soft_edges(color: UInt8Array, w: Float32Array, joined: UInt8Array, step: int) -> SoftEdges:
@@ -121,8 +125,9 @@ def find_soft_edges(color: UInt8Array, w: Float32Array, joined: UInt8Array, step
     own, share = color[at].astype(np.float32), share[:, None]
     back[at] = behind = np.where(share > 0, back[at], own)
     unmixed = np.clip(np.rint((own - (1 - share) * behind) / np.maximum(share, THIN)), 0, 255)
+    sample = front.copy()
     front[at] = np.where(share > THIN, unmixed, front[at])
-    return SoftEdges(band, near_side, near, far, alpha, front, back)
+    return SoftEdges(band, near_side, near, far, alpha, front, back, sample)
 
 
 def find_edges(w: Float32Array, joined: UInt8Array) -> tuple[BoolArray, BoolArray]:
