@@ -132,7 +132,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     found = SimpleNamespace(mask="mask", masker="rgbd", chosen="object", notes=(), about={})
     spy("dlama.perception.object_masks.find_mask", found)
     spy("dlama.perception.object_masks.complete_mask", found)
-    for place in ("jobs.inputs", "apps.verbs.pictures"):
+    for place in ("jobs.inputs", "files.semantic_classes"):
         spy(f"dlama.{place}.semantic_picture", Path("semantic.png"))
     spy("dlama.apps.reading.Command.write_mask")
     spy("dlama.apps.reading.summary_line", "")

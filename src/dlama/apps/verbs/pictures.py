@@ -30,7 +30,6 @@ from dlama.apps.options import (
 )
 from dlama.apps.places import check_file_apart
 from dlama.errors import InputError
-from dlama.files.semantic_classes import semantic_picture
 from dlama.jobs.parameters import is_pointed
 
 
@@ -165,7 +164,11 @@ def mask(
     """
     with command("mask", report) as this:
         files, given, overlay = {"image": image, "depth": depth}, given_options(pointing, picture), overlay_of(output)
-        semantic = semantic_picture(image) if "object_class" in given else None
+        semantic = None
+        if "object_class" in given:
+            from dlama.files.semantic_classes import semantic_picture
+
+            semantic = semantic_picture(image)
         for file in (output, overlay):
             check_file_apart(file, {**files, "semantic picture": semantic})
         if not is_pointed(given):

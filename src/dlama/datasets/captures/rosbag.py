@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 import weakref
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from threading import Lock
@@ -94,10 +95,20 @@ def list_frames(path: Path) -> Listed:
         yield name, FrameFiles(names, picture, metres, lens, pose, enlarged=MOST_ENLARGED)
 
 
+@contextmanager
+def bag_errors(message: str) -> Iterator[None]:
+    """Context: what reading raises becomes a FileError, MemoryError, too: a damaged bag claims sizes beyond any memory."""
+    with any_error(FileError, message):
+        try:
+            yield
+        except MemoryError as error:
+            raise FileError(f"{message} (it claims more than memory holds)") from error
+
+
 def _decode(how: Callable[[Any, str], Any], path: Path, topic: str, place: int) -> Any:
     """What `how` reads of the message of a topic that was recorded at `place`, ns. FileError."""
     message = open_bag(path).message(topic, place)
-    with any_error(FileError, f"{path}, {topic}: is damaged"):
+    with bag_errors(f"{path}, {topic}: is damaged"):
         return how(message, f"{path}, {topic}")
 
 
@@ -111,7 +122,7 @@ class Bag:
         )
         self.path, self.lock = path, Lock()
         is_old = path.suffix.lower() == ".bag"
-        with any_error(FileError, f"{path}: is no readable bag"):  # AnyReaderError, struct.error, KeyError, ...
+        with bag_errors(f"{path}: is no readable bag"):  # AnyReaderError, struct.error, KeyError, ...
             store = types.get_typestore(types.Stores.ROS1_NOETIC if is_old else types.Stores.ROS2_HUMBLE)
             self.reader = highlevel.AnyReader([path], default_typestore=store)
             self.reader.open()
@@ -182,7 +193,7 @@ class Bag:
 
     def message(self, topic: str, place: int) -> Any:
         """The message of a topic that was recorded at `place`, ns. FileError."""
-        with self.lock, any_error(FileError, f"{self.path}, {topic}: is damaged"):
+        with self.lock, bag_errors(f"{self.path}, {topic}: is damaged"):
             chosen = [each for each in self.reader.connections if each.topic == topic]
             for connection, _, data in self.reader.messages(connections=chosen, start=place, stop=place + 1):
                 return self._deserialize(connection, data)

@@ -85,8 +85,8 @@ def write(
         mask: H x W of the removed object, True = removed; what "mask" writes as mask.png.
 
     Raises:
-        InputError: a name in `only` or `also` that is not known, or of what there is none, as "mask" without one; MaskError: that
-            is none of the picture.
+        InputError: a name in `only` or `also` that is not known, "mask" without one, or one in `only` of what there is none;
+            MaskError: that is none of the picture.
         OutputError: the directory cannot be written, or a result would replace one of `inputs`.
         FileError: an input cannot be read.
     """
@@ -99,8 +99,9 @@ def write(
         mask = check_mask(mask, completion.source.camera.hw)
     target, started, inputs = Path(directory), time.perf_counter(), inputs or {}
     files = file_names(completion, names)
-    named = choose_names(only, also, tuple(RESULTS), ())
-    if absent := ", ".join(name for name in named if RESULTS[name][0] not in files):
+    if absent := ", ".join(
+        name for name in choose_names(only, (), tuple(RESULTS), ()) if RESULTS[name][0] not in files
+    ):
         raise InputError(
             f"{absent} is to be written, which the completion lacks; disparity is of stereo pairs, pictures are of views"
         )
