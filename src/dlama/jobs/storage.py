@@ -19,6 +19,7 @@ from typing import IO, Any
 from dlama.errors import FileError, MissingExtraError, OutputError, first_line, import_extra
 from dlama.writing.atomic_write import new_file, writing
 from dlama.writing.drafts import DRAFT, hold, name_of, remove
+from dlama.writing.unchanged import stamp_of
 
 MARKER = "meta.json"
 """The file of a result that is written last where a folder cannot be placed as a whole: with it the result is there."""
@@ -63,8 +64,7 @@ def file_stamp(path: str) -> str:
     """By what an unchanged file is known without reading it: size and time of change; empty: there is none."""
     try:
         if not is_address(path):
-            found = Path(local_path(path)).stat()
-            return f"{found.st_size}-{found.st_mtime_ns}"
+            return "{}-{}".format(*stamp_of(Path(local_path(path))))
         system, inside = file_system(path)
         return str(system.ukey(inside))
     except (OSError, ValueError):

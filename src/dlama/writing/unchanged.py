@@ -1,4 +1,4 @@
-"""A function of a file in; one that reads the file again only when it has changed, out."""
+"""A file in; by what it is known while it does not change, and functions that read it again only when it has changed, out."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ from typing import Any, TypeVar, cast
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+def stamp_of(path: Path) -> tuple[int, int]:
+    """Size and time of change of a file, by which one that was written again is known. OSError where there is none."""
+    found = path.stat()
+    return found.st_size, found.st_mtime_ns
+
+
 def while_unchanged(keep: int) -> Callable[[F], F]:
-    """Decorator: what a function of a file, and of further arguments, returned is returned again while the file's size and time
-    of change stay; of so many calls. OSError where there is no file."""
+    """Decorator: what a function of a file, and of further arguments, returned is returned again while the file's `stamp_of`
+    stays; of so many calls. OSError where there is no file."""
 
     def decorate(read: F) -> F:
         @functools.lru_cache(maxsize=keep)
@@ -21,8 +27,7 @@ def while_unchanged(keep: int) -> Callable[[F], F]:
 
         @functools.wraps(read)
         def call(path: Path, *more: Any) -> Any:
-            found = path.stat()
-            return kept(path, (found.st_size, found.st_mtime_ns), *more)
+            return kept(path, stamp_of(path), *more)
 
         return cast(F, call)
 

@@ -63,7 +63,7 @@ def test_what_patches_begin_from() -> None:
     view = View.from_rgbd(RGBD(color, np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60)))
     view = view.without(hole, HoleType.OBJECT)
     painted = copy_patches(np.where(hole[..., None], start, color), hole, np.zeros((96, 128), np.int8), 0)
-    for done in (painted, replace_removed(view, color, Guess(lambda: start, hole, {}), hole, 0)):
+    for done in (painted, replace_removed(view, color, Guess(lambda: start, hole, dict), hole, 0)):
         np.testing.assert_array_equal(done, np.where(hole[..., None], start, color))
 
 

@@ -179,8 +179,8 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Ster
     right_before = View.from_rgbd(clean.right.clip_depth(recipe.clip))
     if pair.masks is not None:
         right_before = right_before.without(dilate_mask(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
-    lawful = with_object_depth(scene, pair.object_depth)
     own = filler_next_to(filler, right_before, recipe, left=True)
+    lawful = with_object_depth(scene, pair.object_depth)
     both = dataclasses.replace(lawful, fills=(right_before,))  # what the right picture measured counts for the law too
     plan = dataclasses.replace(draft, inpainter=own, measured=both)
     context = plan.context
@@ -194,7 +194,7 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Ster
             scene = add_seen_alone(scene, other, context.law, recipe.mode)
         scene = fuse(scene, left)
     next_to_left = filler_next_to(filler, left, recipe, left=False)
-    right_plan = dataclasses.replace(draft, inpainter=next_to_left, measured=both)
+    right_plan = dataclasses.replace(plan, inpainter=next_to_left)
     right, right_fills, scene = complete_right(right_plan, scene, right_before, gain, pair.masks is not None, clock)
     left_before = left_before_filling(clean.left, scene)
     before, views = (left_before, right_before), (left, right)

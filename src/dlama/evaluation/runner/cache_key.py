@@ -20,6 +20,7 @@ from dlama.files.results.meta_json import package_versions
 from dlama.inpainters import FILLERS, model_file
 from dlama.models.network_file import default_provider
 from dlama.models.verify import sha256_while_unchanged
+from dlama.writing.unchanged import stamp_of
 
 SHOWING = ("apps/", "jobs/", "training/", "web/", "evaluation/report/")
 """Folders whose code makes no number: a change there makes no result stale. The imports' order keeps what measures apart."""
@@ -99,7 +100,7 @@ def describe(value: Any) -> Any:
 def _describe_file(path: Path) -> Any:
     """A folder counts by its name only: the files that are read from it stand in the case themselves."""
     try:
-        found = path.stat()
+        stamp = stamp_of(path)
     except OSError:
         return [str(path), "missing"]
-    return [str(path)] if path.is_dir() else [str(path), found.st_size, found.st_mtime_ns]
+    return [str(path)] if path.is_dir() else [str(path), *stamp]

@@ -33,6 +33,7 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array, freeze
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, new_file
+from dlama.writing.unchanged import stamp_of
 
 OF_LAYER = re.compile(r"(layer|object)\d+_")
 """How the name of a layer's array begins."""
@@ -162,12 +163,6 @@ def read_layer(file: Path, prefix: str, stamp: tuple[int, int] | None = None) ->
         )
     with zipfile.ZipFile(file) as archive:
         return _camera_and_view(prefix, _arrays_of(archive, prefix))[1]
-
-
-def stamp_of(file: Path) -> tuple[int, int]:
-    """Size and time of change: by these a file that was written again is known."""
-    found = file.stat()
-    return found.st_size, found.st_mtime_ns
 
 
 def _camera_and_view(prefix: str, arrays: Mapping[str, np.ndarray]) -> tuple[Camera | None, View]:

@@ -39,8 +39,9 @@ BEHIND, AROUND_PX = 1.15, 16
 """Depth over that of the surface that continues behind a removed object, from which a pixel is behind that surface; px round the
 object in which the surface is known."""
 UNLIKE, UNLIKE_PX = 8.0, 7
-"""Levels by which colours differ, as the means of squares of so many px and of the channels, where another frame shows another
-surface than the one whose depth is missing: neither measured that, and so it hides nothing."""
+"""Largest difference in levels, of means over squares of so many px and over channels, between a frame's colours where its depth
+is missing and those of another frame whose depth is taken. Beyond it that one shows what lies behind: no frame measured the
+surface in front, which would hide it."""
 Found = TypeVar("Found")
 
 

@@ -98,11 +98,9 @@ def paint_over_surfaces(
         color = replace_removed(view, color, guess, removed, seed)
     painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     color = blend_with_low_frequency(view, color, painted, w, surfaces.label, smooth)
-    if guess is None or network is None:
-        return color, {}
-    if uncovered.any():
+    if guess is not None and uncovered.any():
         color = blend_with_guess(color, guess.picture(), uncovered, guess_share=DISOCCLUDED_SHARE)
-    return color, guess.notes | {"guess": network.notes()}
+    return color, guess.notes() if guess is not None else {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +111,8 @@ class Guess:
     """Waits for it: H x W x 3."""
     hidden: BoolArray
     """H x W, what the network did not see."""
-    notes: dict[str, Any]
-    """Of what was hidden, for meta.json."""
+    notes: Callable[[], dict[str, Any]]
+    """What was hidden, and what ran, for meta.json."""
 
     @classmethod
     def begin(cls, network: Painter, view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int) -> Guess:
@@ -122,7 +120,8 @@ class Guess:
         coarsely = not view.object_hole.any()
         hidden, notes = hide_from_painter(view, surfaces, depth, law, coarsely)
         side = VIEW_SIDE if coarsely else GUESS_SIDE
-        return cls(cache(begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side)), hidden, notes)
+        picture = cache(begin_job(guess_coarsely, network.paint, view.color, hidden, seed, side))
+        return cls(picture, hidden, lambda: notes | {"guess": network.notes()})
 
 
 def close_narrow_holes(view: View) -> View:

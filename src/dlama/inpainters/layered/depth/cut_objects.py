@@ -65,10 +65,9 @@ def find_cut_objects(
     number, depths, circles = np.zeros(loose.shape, np.int32), [0.0], [(0.0, 0.0, 0.0)]
     beyond = distance_to_unlabelled(loose)
     cut = loose & adjacent
-    if with_leaves and cut.any():
-        leaves = loose & foliage(w, ~hole & (w > 0))
-        cut &= leaves
-    if not with_leaves or not cut.any():
+    leaves = loose & foliage(w, ~hole & (w > 0)) if with_leaves and cut.any() else np.zeros_like(loose)
+    cut &= leaves
+    if not cut.any():
         return CutObjects(beyond, number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
     for here, row, column, radius in cut_parts(w, leaves, cut):
