@@ -184,15 +184,12 @@ def _generator_entries(s: GeneratorSettings) -> Iterator[tuple[str, tuple[int, .
 
 def _down_entries(s: GeneratorSettings, level: int) -> Iterator[tuple[str, tuple[int, ...]]]:
     """One down-sampling layer; the last one splits its output into the local and the global branch."""
-    prefix, before, here = f"model.{2 + level}", s.channels_at(level), s.channels_at(level + 1)
-    if level < s.downsamplings - 1:
-        yield f"{prefix}.ffc.convl2l.weight", (here, before, 3, 3)
-        yield from _norm(f"{prefix}.bn_l", here)
-        return
-    yield f"{prefix}.ffc.convl2l.weight", (s.local_channels, before, 3, 3)
-    yield f"{prefix}.ffc.convl2g.weight", (s.global_channels, before, 3, 3)
-    yield from _norm(f"{prefix}.bn_l", s.local_channels)
-    yield from _norm(f"{prefix}.bn_g", s.global_channels)
+    last = level == s.downsamplings - 1
+    branches = {"l": s.local_channels, "g": s.global_channels} if last else {"l": s.channels_at(level + 1)}
+    for branch, channels in branches.items():
+        yield f"model.{2 + level}.ffc.convl2{branch}.weight", (channels, s.channels_at(level), 3, 3)
+    for branch, channels in branches.items():
+        yield from _norm(f"model.{2 + level}.bn_{branch}", channels)
 
 
 def _ffc_entries(prefix: str, s: GeneratorSettings) -> Iterator[tuple[str, tuple[int, ...]]]:

@@ -109,14 +109,8 @@ def _open(path: Path) -> _File:
     if head[8:9] == b"{":  # after the length of its header
         arrays, codes, metadata = read_safetensors(path)
         shapes = {name: array.shape for name, array in arrays.items()}
-        return _File(
-            path,
-            "safetensors",
-            shapes,
-            metadata,
-            (),
-            lambda names: {name: (arrays[name], codes[name]) for name in names},
-        )
+        pairs = {name: (array, codes[name]) for name, array in arrays.items()}
+        return _File(path, "safetensors", shapes, metadata, (), lambda names: {name: pairs[name] for name in names})
     if head[:1] == b"\x80":
         raise FileError(
             f"{path}: a bare pickle (torch before 1.6), which is not read; save it again with a newer torch"

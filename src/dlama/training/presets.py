@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import json
 import typing
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
 from dlama.arguments import check
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.fields import json_text, json_value
+from dlama.training.kinds import Planes
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -45,40 +46,33 @@ FINISH = OptimiserSettings(warm_up=200, decay="cosine")
 
 def _tiny() -> TrainSettings:
     network = NetworkSettings("rgbd", width=8, blocks=1, downsamplings=2, discriminator_width=8, discriminator_layers=2)
-    intervals = LoopSettings(log_every=5, validate_every=20, sheet_every=20, checkpoint_every=20)
+    loop = LoopSettings(40, 4, accelerator="cpu", log_every=5, validate_every=20, sheet_every=20, checkpoint_every=20)
     return TrainSettings(
         "tiny",
         network=network,
         loss=LossSettings(trunk_width=8),
         optimiser=OptimiserSettings(average=0.9),
         data=DataSettings(size=64, held_out=4, workers=0),
-        loop=replace(intervals, steps=40, batch=4, accelerator="cpu"),
+        loop=loop,
     )
 
 
-def _mini(planes: str, kind: str) -> TrainSettings:
-    intervals = LoopSettings(log_every=10, validate_every=100, sheet_every=200, checkpoint_every=200)
-    network = NetworkSettings(
-        planes,  # type: ignore[arg-type]
-        width=16,
-        blocks=4,
-        discriminator_width=16,
-        discriminator_layers=3,
-    )
+def _mini(planes: Planes, kind: str) -> TrainSettings:
+    loop = LoopSettings(1000, 8, accelerator="cpu", validate_every=100, sheet_every=200, checkpoint_every=200)
     return TrainSettings(
         f"mini-{planes}",
-        network=network,
+        network=NetworkSettings(planes, width=16, blocks=4, discriminator_width=16, discriminator_layers=3),
         loss=LossSettings(trunk_width=16, penalty_every=4),
         optimiser=OptimiserSettings(warm_up=50, decay="cosine", average=0.99),
         data=DataSettings(size=256, mixture={kind: 1.0}, held_out=16),
-        loop=replace(intervals, steps=1000, batch=8, accelerator="cpu"),
+        loop=loop,
     )
 
 
-def _small(planes: str, kind: str) -> TrainSettings:
+def _small(planes: Planes, kind: str) -> TrainSettings:
     return TrainSettings(
         f"small-{planes}",
-        network=NetworkSettings(planes),  # type: ignore[arg-type]
+        network=NetworkSettings(planes),
         loss=LossSettings(penalty_every=4),
         optimiser=FINISH,
         data=DataSettings(size=256, mixture={kind: 1.0}, held_out=32),
@@ -146,11 +140,6 @@ def settings_of(name_or_file: str | Path) -> TrainSettings:
     path = Path(name_or_file)
     if not path.is_file():
         raise InputError(f"{name_or_file}: neither a settings file nor one of the presets {', '.join(PRESETS)}")
-    return read_settings(path)
-
-
-def read_settings(path: Path) -> TrainSettings:
-    """Of a settings file. FileError."""
     return from_json(json_text(path), str(path))
 
 

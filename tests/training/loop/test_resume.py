@@ -15,7 +15,7 @@ pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip i
 from toy_runs import Exploit, read_metrics, toy, world_source  # noqa: E402
 
 from dlama.errors import FileError, InputError, OutputError  # noqa: E402
-from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader  # noqa: E402
+from dlama.training.data.loader import NumberedSamples, batch_loader, batch_numbers  # noqa: E402
 from dlama.training.loop import callbacks  # noqa: E402
 from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402  # noqa: E402
 from dlama.training.loop.module import TrainingModule  # noqa: E402
@@ -163,10 +163,9 @@ def test_a_checkpoint_that_would_run_code_is_refused(tmp_path):
 
 def test_batches_are_a_function_of_the_position():
     """Oracle: law; two processes together case what one cases with the doubled batch, also from the middle on."""
-    whole = [number for batch in BatchNumbers(0, 6, 4) for number in batch]
-    assert whole == list(range(24)) and len(BatchNumbers(0, 6, 4)) == 6
-    halves = [list(BatchNumbers(8, 4, 2, rank, 2)) for rank in (0, 1)]
-    assert [a + b for a, b in zip(*halves)] == list(BatchNumbers(8, 4, 4))
+    assert [number for batch in batch_numbers(0, 6, 4) for number in batch] == list(range(24))
+    halves = [batch_numbers(8, 4, 2, rank, 2) for rank in (0, 1)]
+    assert [[*a, *b] for a, b in zip(*halves)] == [list(batch) for batch in batch_numbers(8, 4, 4)]
 
 
 @pytest.mark.parametrize("group_size", [1, 2])
@@ -197,7 +196,9 @@ def test_workers_give_the_same_batches():
     source = world_source(settings.network, 32, "train")
     made = [
         list(
-            batch_loader(source, replace(settings, data=replace(settings.data, workers=workers)), BatchNumbers(4, 2, 2))
+            batch_loader(
+                source, replace(settings, data=replace(settings.data, workers=workers)), batch_numbers(4, 2, 2)
+            )
         )
         for workers in (0, 1)
     ]

@@ -150,9 +150,9 @@ def cloud_scores(estimate: Float64Array, truth: Float64Array) -> dict[str, float
         MissingExtraError: scipy is not installed.
     """
     there, back = nearest_distances(estimate, truth), nearest_distances(truth, estimate)
-    scores = {"accuracy": _mean(there), "completeness": _mean(back)}
+    scores = {"accuracy": mean_or_nan(there), "completeness": mean_or_nan(back)}
     for threshold in SETTINGS.cloud_thresholds_m:
-        precision, recall = _share(there, threshold), _share(back, threshold)
+        precision, recall = mean_or_nan(there < threshold), mean_or_nan(back < threshold)
         both = precision + recall
         scores[f"fscore_{threshold:.2f}"] = 2 * precision * recall / both if both > 0 else 0.0
     if len(estimate) + len(truth) == 0:
@@ -161,16 +161,8 @@ def cloud_scores(estimate: Float64Array, truth: Float64Array) -> dict[str, float
 
 
 def nearest_distances(points: Float64Array, others: Float64Array) -> Float64Array:
-    """For each of N points the distance to the nearest of M others: N metres, inf where there are no others."""
+    """For each of N points the distance to the nearest of M others: N metres, nan where there are no others."""
     if len(points) == 0 or len(others) == 0:
-        return np.full(len(points), np.inf)
+        return np.full(len(points), np.nan)
     spatial = import_extra("scipy.spatial", "cloud metrics", "scipy", "evaluate")
     return np.asarray(spatial.cKDTree(others).query(points)[0], np.float64)
-
-
-def _mean(distances: Float64Array) -> float:
-    return float(distances.mean()) if len(distances) and np.isfinite(distances).all() else math.nan
-
-
-def _share(distances: Float64Array, threshold: float) -> float:
-    return float((distances < threshold).mean()) if len(distances) else 0.0

@@ -124,10 +124,6 @@ class MethodRun:
         """The completed view, or for the baseline the one before filling."""
         return self.completion.views[number] if self.method.fills else self.completion.warped[number]
 
-    def without_depth(self) -> BoolArray | None:
-        """H x W, True where the view has no depth to measure; None: nowhere."""
-        return None if self.method.fills else self.completion.warped[-1].hole
-
     @property
     def clip_m(self) -> float | None:
         """Metres at which the recipe cuts depth; None: nowhere."""

@@ -125,7 +125,7 @@ def view_measures(run: MethodRun, reference: Reference) -> list[Measure]:
         *run.hole_shares(),
         *reference.color_measures(view.color),
         *reference.depth_measures(view.depth),
-        *reference.metre_measures(view.depth, run.without_depth()),
+        *reference.metre_measures(view.depth, None if run.method.fills else run.completion.warped[-1].hole),
         *reference.shares(),
         run.timing(),
     ]

@@ -70,11 +70,6 @@ def hole_planes(mask: Tensor, planes: int) -> Tensor:
     return mask.repeat_interleave(planes // mask.shape[1], dim=1)
 
 
-def any_hole(mask: Tensor) -> Tensor:
-    """B x M x H x W masks -> B x 1 x H x W: 1 where any view has a hole."""
-    return mask.amax(1, keepdim=True)
-
-
 def composite(output: Tensor, batch: Batch) -> Tensor:
     """The output (B x P x H x W) in the hole, the truth elsewhere."""
     hole = hole_planes(batch["mask"], output.shape[1])

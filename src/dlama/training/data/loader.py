@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
 import numpy as np
 import torch
-from torch.utils.data import DataLoader, Dataset, Sampler, default_collate
+from torch.utils.data import DataLoader, Dataset, default_collate
 
 from dlama.geometry.kernels.jit import use_threads
 from dlama.models.network_file import processor_count
@@ -50,24 +50,17 @@ class NumberedSamples(Dataset[dict[str, np.ndarray]]):
         return int(_shuffle(groups, self.seed, epoch)[place]) * size + offset
 
 
-class BatchNumbers(Sampler[list[int]]):
+def batch_numbers(start: int, steps: int, batch: int, rank: int = 0, world: int = 1) -> list[range]:
     """Sample numbers of one process's batches, from sample `start` on; `rank` of `world` takes its part of every global batch."""
-
-    def __init__(self, start: int, steps: int, batch: int, rank: int = 0, world: int = 1) -> None:
-        self.start, self.steps, self.batch, self.rank, self.world = start, steps, batch, rank, world
-
-    def __len__(self) -> int:
-        return self.steps
-
-    def __iter__(self) -> Iterator[list[int]]:
-        for step in range(self.steps):
-            first = self.start + (step * self.world + self.rank) * self.batch
-            yield list(range(first, first + self.batch))
+    firsts = (start + (step * world + rank) * batch for step in range(steps))
+    return [range(first, first + batch) for first in firsts]
 
 
-def batch_loader(source: SampleSource, settings: TrainSettings, at: BatchNumbers) -> DataLoader[Any]:
+def batch_loader(source: SampleSource, settings: TrainSettings, at: Sequence[range]) -> DataLoader[Any]:
     """Batches of these sample numbers. Workers are new processes, not forked ones: threads do not survive a fork."""
-    workers = worker_count(settings)
+    workers = settings.data.workers
+    if workers is None:  # for each process that trains
+        workers = max(1, processor_count() // settings.loop.devices - 1)
     more: dict[str, Any] = {}
     if workers:
         more = {"multiprocessing_context": "forkserver" if os.name == "posix" else "spawn", "prefetch_factor": 4}
@@ -75,7 +68,7 @@ def batch_loader(source: SampleSource, settings: TrainSettings, at: BatchNumbers
         NumberedSamples(source, settings.loop.seed),
         batch_sampler=at,
         num_workers=workers,
-        worker_init_fn=_single_thread if workers else None,
+        worker_init_fn=_single_thread,
         pin_memory=torch.cuda.is_available(),
         generator=torch.Generator(),  # so that the loader draws nothing from the run's random numbers
         **more,
@@ -90,13 +83,6 @@ def held_out_batch(source: SampleSource, settings: TrainSettings) -> Batch:
         samples.append(source.sample(number % len(source), rng))
         check_sample(samples[-1], settings.network, settings.data.size)
     return default_collate(samples)
-
-
-def worker_count(settings: TrainSettings) -> int:
-    """Number of processes that make samples, for each process that trains."""
-    if settings.data.workers is not None:
-        return settings.data.workers
-    return max(1, processor_count() // settings.loop.devices - 1)
 
 
 @functools.lru_cache(maxsize=2)

@@ -59,8 +59,7 @@ class TrainingModule(pl.LightningModule):
     @property
     def raw_optimisers(self) -> list[torch.optim.Optimizer]:
         """Torch's optimisers: the generator's, then the discriminator's."""
-        found = self.optimizers(use_pl_optimizer=False)
-        return list(found) if isinstance(found, list) else [found]
+        return self.trainer.optimizers
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
         """Adam for each network; in a resumed run with the state of the checkpoint."""

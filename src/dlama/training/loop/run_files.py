@@ -16,7 +16,7 @@ from typing import Any
 
 from dlama.errors import FileError, InputError, OutputError, system_errors
 from dlama.files.fields import json_text, json_value
-from dlama.training.presets import PRESETS, read_settings, settings_of
+from dlama.training.presets import PRESETS, settings_of
 from dlama.training.settings import TrainSettings
 from dlama.writing.atomic_write import new_file, write_file, writing
 from dlama.writing.drafts import lock
@@ -84,7 +84,7 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
         if resume:
             if not path.is_file():
                 raise FileError(f"{run}: holds no {SETTINGS}, so there is no run to resume")
-            refuse_changes(read_settings(path), settings)
+            refuse_changes(settings_of(path), settings)
         elif holds_run(run):
             raise OutputError(f"{run}: holds a run already; give `resume` to continue it, or choose another directory")
         run.mkdir(parents=True, exist_ok=True)

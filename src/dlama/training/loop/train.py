@@ -20,8 +20,8 @@ from pytorch_lightning.utilities.rank_zero import rank_zero_only
 from dlama import __version__
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.models.network_file import processor_count
-from dlama.training.data.batches import Batch, check_sample
-from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
+from dlama.training.data.batches import check_sample
+from dlama.training.data.loader import NumberedSamples, batch_loader, batch_numbers, held_out_batch
 from dlama.training.data.sources import SampleSource, source_for
 from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
 from dlama.training.loop.checkpointing import read_checkpoint, restore
@@ -94,49 +94,31 @@ def train(
     began = time.monotonic()
     _refuse_worker()
     first = getattr(rank_zero_only, "rank", 0) == 0
-    if first:
-        check_devices(settings)
-        prepare(run, settings, resume)
     deadline = math.inf if max_minutes is None else began + 60 * max_minutes
     with ExitStack() as stack:
         if first:
+            check_devices(settings)
+            prepare(run, settings, resume)
             stack.enter_context(lock_run(run))
             stack.enter_context(log_to_file(run))
         if resume and not data:
             data = read_data(run)
         source = source_for(settings, data, "train")
         check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
-        validation = held_out_batch(source_for(settings, data, "held_out"), settings) if first else None
-        return _train(settings, run, source, validation, deadline, resume, data)
-
-
-def _train(
-    settings: TrainSettings,
-    run: Path,
-    source: SampleSource,
-    validation: Batch | None,
-    deadline: float,
-    resume: bool,
-    data: Sequence[Path],
-) -> TrainingResult:
-    """As `train`, in a directory that is there; `deadline` on the clock of `time.monotonic`.
-
-    validation: the held-out samples; None in all processes but the first. data: folders that the samples are made of.
-    """
-    module, processes = TrainingModule(settings), settings.loop.devices * settings.loop.nodes
-    if validation is not None:
-        # only now: what was refused above leaves no settings, by which a run would be known
-        write_data(run, data)
-        write_file(run / SETTINGS, to_json(settings))
-    checkpoint = _checkpoint(run) if resume else {}
-    if checkpoint:
-        restore(module, checkpoint, processes)
-    before = checkpoint.get("seconds", 0.0)
-    callback = RunCallback(settings, run, deadline, validation, checkpoint.get("random_states"), before)
-    _fit(module, callback, source, settings)
-    whole = validation is not None and callback.stop.reason in (ALL_STEPS, TIME_IS_UP)
-    network = _finish(module, callback, settings, data) if whole else None
-    return TrainingResult(run, module.step, callback.stop.reason, network, first=validation is not None)
+        held_out = held_out_batch(source_for(settings, data, "held_out"), settings) if first else None
+        module = TrainingModule(settings)
+        if first:  # only now: what was refused above leaves no settings, by which a run would be known
+            write_data(run, data)
+            write_file(run / SETTINGS, to_json(settings))
+        checkpoint = _checkpoint(run) if resume else {}
+        if checkpoint:
+            restore(module, checkpoint, settings.loop.devices * settings.loop.nodes)
+        before = checkpoint.get("seconds", 0.0)
+        callback = RunCallback(settings, run, deadline, held_out, checkpoint.get("random_states"), before)
+        _fit(module, callback, source, settings)
+        ended = callback.stop.reason
+        network = _finish(module, callback, settings, data) if first and ended in (ALL_STEPS, TIME_IS_UP) else None
+    return TrainingResult(run, module.step, ended, network, first)
 
 
 def _checkpoint(run: Path) -> dict[str, Any]:
@@ -203,7 +185,7 @@ def _fit(module: TrainingModule, callback: RunCallback, source: SampleSource, se
         if torch.cuda.is_available():
             torch.set_float32_matmul_precision("highest" if settings.loop.exact else "high")
         trainer = trainer_of(settings, callback)
-        numbers = BatchNumbers(module.samples, left, settings.loop.batch, trainer.global_rank, trainer.world_size)
+        numbers = batch_numbers(module.samples, left, settings.loop.batch, trainer.global_rank, trainer.world_size)
         trainer.fit(module, batch_loader(source, settings, numbers))
 
 

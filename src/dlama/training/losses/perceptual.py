@@ -84,7 +84,7 @@ class PerceptualLoss(nn.Module):
     """Mean squared difference of a frozen trunk's activations, each layer divided by the mean square of its activations at
     `reference_picture`. Its weights are not kept in checkpoints.
 
-    trunk: B x 3 x H x W (ImageNet-normalised) -> a list of activations.
+    trunk: layers one after the other, of pictures B x 3 x H x W (ImageNet-normalised).
     """
 
     mean: Tensor
@@ -92,12 +92,14 @@ class PerceptualLoss(nn.Module):
     scales: Tensor
     note = "perceptual trunk random: frozen, drawn from a fixed seed, never trained on pictures"
 
-    def __init__(self, trunk: nn.Module) -> None:
+    def __init__(self, trunk: nn.Sequential) -> None:
         super().__init__()
         self.trunk = trunk.requires_grad_(False)
         self.register_buffer("mean", torch.tensor(IMAGENET_MEAN).view(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(IMAGENET_STD).view(1, 3, 1, 1), persistent=False)
-        self.register_buffer("scales", self._scales(), persistent=False)
+        with torch.no_grad():
+            scales = 1 / torch.stack([layer.square().mean() for layer in self.activations(reference_picture())])
+        self.register_buffer("scales", scales, persistent=False)
 
     def forward(self, output: Tensor, truth: Tensor) -> Tensor:
         """Equation 5: the mean over layers of the mean squared difference of activations; a scalar.
@@ -105,16 +107,18 @@ class PerceptualLoss(nn.Module):
         output, truth: B x 3 x H x W in 0..1; `truth` gets no gradient.
         """
         with torch.no_grad():
-            true = self.trunk((truth - self.mean) / self.std)
-        found = self.trunk((output - self.mean) / self.std)
+            true = self.activations(truth)
+        found = self.activations(output)
         layers = torch.stack([mse_loss(widen_half(one), widen_half(other)) for one, other in zip(found, true)])
         return (layers * self.scales).mean()
 
-    @torch.no_grad()
-    def _scales(self) -> Tensor:
-        """One over the mean square of each layer's activations."""
-        found = self.trunk((reference_picture() - self.mean) / self.std)
-        return 1 / torch.stack([layer.square().mean() for layer in found])
+    def activations(self, picture: Tensor) -> list[Tensor]:
+        """B x 3 x H x W in 0..1 -> the output of every layer of the trunk."""
+        x, found = (picture - self.mean) / self.std, []
+        for layer in self.trunk:
+            x = layer(x)
+            found.append(x)
+        return found
 
 
 def reference_picture() -> Tensor:
@@ -132,23 +136,7 @@ def perceptual_loss(settings: LossSettings) -> PerceptualLoss | LpipsLoss:
     return LpipsLoss() if settings.trunk == "lpips" else PerceptualLoss(random_trunk(settings.trunk_width))
 
 
-class Chain(nn.Module):
-    """Layers one after the other, each of which gives its activations."""
-
-    def __init__(self, layers: list[nn.Module]) -> None:
-        super().__init__()
-        self.layers = nn.ModuleList(layers)
-
-    def forward(self, x: Tensor) -> list[Tensor]:
-        """B x 3 x H x W, normalised -> the activations of every layer."""
-        found = []
-        for layer in self.layers:
-            x = layer(x)
-            found.append(x)
-        return found
-
-
-def random_trunk(width: int) -> Chain:
+def random_trunk(width: int) -> nn.Sequential:
     """Seven 3x3 convolutions, two of them halving, then dilated 1, 2, 4, 8: the last sees about 130 pixels.
 
     Weights are orthogonal with ReLU's gain, drawn from a fixed seed by torch's CPU generator.
@@ -162,4 +150,4 @@ def random_trunk(width: int) -> Chain:
         nn.init.orthogonal_(convolution.weight, 2**0.5, generator)
         nn.init.zeros_(convolution.bias)
         layers.append(nn.Sequential(convolution, nn.LeakyReLU(0.2)))
-    return Chain(layers)
+    return nn.Sequential(*layers)

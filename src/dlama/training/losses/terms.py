@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn.functional import interpolate, mse_loss, softplus
 
 from dlama.nets.generator import Discriminator
-from dlama.training.data.batches import Batch, any_hole, hole_planes, pictures
+from dlama.training.data.batches import Batch, hole_planes, pictures
 from dlama.training.losses import pixels
 from dlama.training.losses.pixels import widen_half
 from dlama.training.settings import LossSettings, NetworkSettings
@@ -155,7 +155,7 @@ def discriminator_terms(discriminator: Discriminator, output: Tensor, batch: Bat
     real = discriminator_input(batch["target"], batch).detach().requires_grad_(penalty > 0)
     real_scores, _ = discriminator(real)
     fake_scores, _ = discriminator(discriminator_input(output.detach(), batch))
-    hole = any_hole(batch["mask"])
+    hole = batch["mask"].amax(1, keepdim=True)  # of any view
     terms = {"discriminator": discriminator_loss(widen_half(real_scores), widen_half(fake_scores), hole)}
     if penalty:
         terms["gradient_penalty"] = penalty * gradient_penalty(real_scores, real)
