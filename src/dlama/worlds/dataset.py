@@ -77,7 +77,7 @@ class WorldSettings:
 
     seed: int
     kind: Kind | None
-    textures: Path | tuple[np.ndarray, ...] | None
+    textures: Path | None
     size: int
 
     @property
@@ -101,7 +101,6 @@ def worlds(
     size: int = SIZE,
     yaws: Sequence[float] = YAWS,
     kind: Kind | None = None,
-    textures: Textures = None,
 ) -> Dataset:
     """`count` worlds, of the seeds `seed`, `seed` + 1 ...; nothing is built until a frame or a case is loaded.
 
@@ -109,7 +108,7 @@ def worlds(
     yaw (with the cast shadow as a region), SII at yaw 0 with a baseline of 0.12 m and the object removed in both views.
     Raises InputError.
     """
-    every = world_settings(count, seed, size, kind, textures)
+    every = world_settings(count, seed, size, kind)
     if not all(is_finite(yaw) and 0 < yaw < 180 for yaw in yaws):
         raise InputError(
             f"yaws are {tuple(yaws)}; degrees between 0 and 180 are expected, each is used with both signs"
@@ -126,16 +125,16 @@ def worlds(
 
 
 @system_errors(FileError)
-def world_settings(count: int, seed: int, size: int, kind: Kind | None, textures: Textures) -> list[WorldSettings]:
+def world_settings(
+    count: int, seed: int, size: int, kind: Kind | None, textures: Path | None = None
+) -> list[WorldSettings]:
     """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError, FileError (no textures there)."""
     check_count(count, "count", 1, MOST_WORLDS)
     check_count(size, "size", 1, MOST_PX)
     _check_world(seed, kind)
-    folder = Path(textures) if isinstance(textures, str) else textures
-    pictures = folder if folder is None or isinstance(folder, Path) else tuple(folder)
-    if isinstance(pictures, Path):
-        _textures_in(pictures)
-    return [WorldSettings(seed + n, kind, pictures, size) for n in range(count)]
+    if textures is not None:
+        _textures_in(textures)
+    return [WorldSettings(seed + n, kind, textures, size) for n in range(count)]
 
 
 def _yaw_name(yaw: float) -> str:

@@ -7,18 +7,16 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.motion.trajectories import move_sideways, orbit
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, make_read_only
-from dlama.worlds.raycast.bounding_boxes import boxes_by_depth, shadow_cells
+from dlama.worlds.raycast.bounding_boxes import Int32Array, boxes_by_depth, shadow_cells
 from dlama.worlds.raycast.shape_rows import BLOCKED, COLUMNS, GROUP, LIT, OBJECT_GROUP, TEXELS
 from dlama.worlds.raycast.tiles import cast_rays
 
 Kind = Literal["street", "room"]
-Int32Array = NDArray[np.int32]
 BASELINE_M = 0.12
 SIZE = 512
 FOV_DEG = 90.0

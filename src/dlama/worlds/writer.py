@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dlama import __version__
 from dlama.completion.memory import check_memory
-from dlama.datasets.easysynth.writer import SequenceFrame, SequenceKey, StereoSequence, write_scene
+from dlama.datasets.easysynth.writer import LEFT, RIGHT, SequenceFrame, write_scene
 from dlama.errors import OutputError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.worlds.dataset import YAWS, WorldSettings, world_settings
@@ -53,13 +53,13 @@ def write_worlds(
 
 def _write_or_keep(root: Path, settings: WorldSettings, step: Callable[[], None]) -> Path:
     """The folder of a scene: as an earlier run with these settings left it, else written now; `step` is called for each frame."""
-    folder, textures = root / settings.scene, settings.textures
+    folder = root / settings.scene
     made_with: dict[str, object] = {
         "dlama": __version__,
         "seed": settings.seed,
         "kind": settings.kind,
         "size": settings.size,
-        "textures": str(textures) if isinstance(textures, Path) else None,
+        "textures": None if settings.textures is None else str(settings.textures),
     }
     found = None
     with suppress(OSError, ValueError, RecursionError):
@@ -76,7 +76,7 @@ def _write_or_keep(root: Path, settings: WorldSettings, step: Callable[[], None]
 
 def _sequences(
     world: World, size: int, step: Callable[[], None]
-) -> dict[SequenceKey, Iterator[SequenceFrame] | StereoSequence]:
+) -> dict[str, Iterator[SequenceFrame] | dict[str, list[SequenceFrame]]]:
     """The orbit and the pair of a world, with and without its object; `step` is called after every frame."""
 
     def frame(camera: Camera, object: bool) -> SequenceFrame:
@@ -87,8 +87,8 @@ def _sequences(
     def orbit(object: bool) -> Iterator[SequenceFrame]:
         return (frame(world.camera(yaw, size), object) for yaw in yaw_order(YAWS))
 
-    def pair(object: bool) -> StereoSequence:
-        rig = world.rig(size=size)
-        return StereoSequence((frame(rig.left, object),), (frame(rig.right, object),))
+    def pair(object: bool) -> dict[str, list[SequenceFrame]]:
+        rig = world.rig(size)
+        return {LEFT: [frame(rig.left, object)], RIGHT: [frame(rig.right, object)]}
 
     return {"with": orbit(True), "without": orbit(False), "stereo_with": pair(True), "stereo_without": pair(False)}

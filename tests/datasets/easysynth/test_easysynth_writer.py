@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.easysynth.dataset import easysynth
-from dlama.datasets.easysynth.writer import SequenceFrame, StereoSequence, write_scene
+from dlama.datasets.easysynth.writer import LEFT, RIGHT, SequenceFrame, write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import OutputError
 from dlama.files.rasters.exr_files import read_exr
@@ -38,9 +38,9 @@ def orbiting(item: bool = True) -> tuple[SequenceFrame, ...]:
 
 
 @functools.cache
-def pair(item: bool = True) -> StereoSequence:
+def pair(item: bool = True) -> dict[str, list[SequenceFrame]]:
     right = moved(CAMERA, shift=(0.1, 0, 0))
-    return StereoSequence((shot(CAMERA, item),), (shot(right, item),))
+    return {LEFT: [shot(CAMERA, item)], RIGHT: [shot(right, item)]}
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +83,8 @@ def test_a_scene_there_and_back(scene: Path) -> None:
     np.testing.assert_array_equal(removal.mask, wrote[0].semantic == 1)
     assert_same(removal.without, orbiting(item=False)[0].rgbd)
     assert isinstance(stereo, StereoTruth) and stereo.mask_right is not None and stereo.without_right is not None
-    np.testing.assert_array_equal(stereo.mask_right, pair().right[0].semantic == 1)
-    assert_same(stereo.without_right, pair(item=False).right[0].rgbd)
+    np.testing.assert_array_equal(stereo.mask_right, pair()[RIGHT][0].semantic == 1)
+    assert_same(stereo.without_right, pair(item=False)[RIGHT][0].rgbd)
     assert stereo.rig.baseline_m == pytest.approx(0.1, abs=1e-8)
 
 
@@ -92,7 +92,7 @@ def test_disparity_is_that_of_the_depth(scene: Path) -> None:
     """Closed form: f b / Z of the traced depth, 0 for the sky."""
     stereo = easysynth(scene).of("sii")[0].load()
     assert isinstance(stereo, StereoTruth) and stereo.disparity_right is not None
-    depth, _ = World((*ROOM, OBJECT)).trace(pair().right[0].rgbd.camera)
+    depth, _ = World((*ROOM, OBJECT)).trace(pair()[RIGHT][0].rgbd.camera)
     expected = CAMERA.fx * 0.1 / depth
     np.testing.assert_allclose(stereo.disparity_right, expected, atol=1e-2, rtol=1e-3)
     assert (stereo.disparity_right[~np.isfinite(depth)] == 0).all()

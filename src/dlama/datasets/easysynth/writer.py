@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +25,7 @@ DEEPEST_MM = 65534.5
 MONO, LEFT, RIGHT = "CameraComponent", "c0", "c1"
 
 
-@dataclass(frozen=True, eq=False)
-class SequenceFrame:
+class SequenceFrame(NamedTuple):
     """One frame of a sequence, as the writer takes it."""
 
     rgbd: RGBD
@@ -36,21 +34,10 @@ class SequenceFrame:
     """H x W, uint8: which class a pixel shows, as a number in the order of `classes` (0 = the first)."""
 
 
-@dataclass(frozen=True, eq=False)
-class StereoSequence:
-    """A rig's sequence: as many frames left (c0) as right (c1), in step; each pair rectified."""
-
-    left: tuple[SequenceFrame, ...]
-    right: tuple[SequenceFrame, ...]
-
-
-SequenceKey = Literal["with", "without", "stereo_with", "stereo_without"]
-
-
 def write_scene(
     root: Path,
     scene: str,
-    sequences: Mapping[SequenceKey, Iterable[SequenceFrame] | StereoSequence],
+    sequences: Mapping[str, Iterable[SequenceFrame] | Mapping[str, Iterable[SequenceFrame]]],
     *,
     depth_range: float,
     classes: Mapping[str, RGB],
@@ -61,8 +48,8 @@ def write_scene(
     As EasySynth 1.2 writes it: poses in CameraPoses.csv (the rig's and the camera's), CameraRig.json, SemanticClasses.csv,
     ColorImage, SemanticImage, DepthImage (half-float EXR, R = G = B = depth / `depth_range` clipped to 0..1, in metres;
     1 = at or beyond it) and, beyond EasySynth, DepthMM (16-bit mm; beyond 65.534 m is far). Frames are gone through once, and
-    all of a sequence have one lens; a StereoSequence becomes a rig of two cameras. `classes` are colours by name; `texts`:
-    further files of the scene, name -> content. Raises OutputError.
+    all of a sequence have one lens; those of a rig are given by its cameras' names, in step, each pair rectified. `classes` are
+    colours by name; `texts`: further files of the scene, name -> content. Raises OutputError.
     """
     target, colors = root / scene, np.array(list(classes.values()), np.uint8)
     if target.is_dir() and any(target.iterdir()):
@@ -71,7 +58,7 @@ def write_scene(
         )
     with new_directory(target) as draft:
         for key, frames in sequences.items():
-            sides = {LEFT: frames.left, RIGHT: frames.right} if isinstance(frames, StereoSequence) else {MONO: frames}
+            sides = frames if isinstance(frames, Mapping) else {MONO: frames}
             cameras = {
                 camera: _write_pictures(draft / key / camera, f"{scene}_{key}", side, depth_range, colors)
                 for camera, side in sides.items()

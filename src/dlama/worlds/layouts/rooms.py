@@ -66,7 +66,8 @@ def ceiling(plan: FloorPlan, left: float, right: float, far: float, height: floa
     builder, palette, rng = plan.builder, plan.palette, plan.rng
     middle, width = (left + right) / 2, right - left
     with builder.group(casts=False):
-        builder.panel((middle, height, far / 2 - 1), (width, far + 2), _ceiling_material(plan))
+        boards = palette("planks") if rng.random() < 0.2 else palette.paint(saturation=(0, 0.08), value=(0.85, 1.0))
+        builder.panel((middle, height, far / 2 - 1), (width, far + 2), boards)
         if rng.random() < 0.35:
             beam = palette("wood")
             for n in range(int(far) + 1):
@@ -138,10 +139,3 @@ def room(plan: FloorPlan) -> None:
     names = [*ROOM_PROPS, "table", "chair", "chair", "divider"]
     plan.scatter(ROOM_PROPS, names, int(rng.integers(5, 12)), (left + 0.4, right - 0.4), (2.4, far - 0.7))
     plan.place_object(ROOM_OBJECTS, (1.0, 1.6))
-
-
-def _ceiling_material(plan: FloorPlan) -> Material:
-    """What ceilings are made of: mostly white."""
-    if plan.rng.random() < 0.2:
-        return plan.palette("planks")
-    return plan.palette.paint(saturation=(0, 0.08), value=(0.85, 1.0))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Real, Whole, inlined
+from dlama.worlds.raycast import shape_rows as k
 from dlama.worlds.raycast.intersection import (
     Scene,
     Vector,
@@ -22,29 +23,6 @@ from dlama.worlds.raycast.intersection import (
     nearest,
     texture_place,
     to_local,
-)
-from dlama.worlds.raycast.shape_rows import (
-    AMBIENT_GROUND,
-    AMBIENT_SKY,
-    BALL,
-    BLOCKED,
-    CONTACT,
-    HALF,
-    HAZE,
-    HORIZON,
-    KIND,
-    LAYER,
-    LIFT,
-    LIT,
-    MODE,
-    SHADOWS,
-    STAIN,
-    SUN,
-    TINT,
-    TO_LIGHT,
-    TURN,
-    UNLIT,
-    WRAP,
 )
 from dlama.worlds.raycast.texture_lookup import filter_texture, sky
 
@@ -66,10 +44,10 @@ def tangents(shapes: Float64Array, i: Whole, face: Whole, at: Vector) -> tuple[V
     if face == 7 or face == 8:
         return (0.0, -1.0 if face == 7 else 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     flat = math.sqrt(x * x + z * z) + 1e-12
-    if shapes[i, KIND] == BALL:
-        nx, ny, nz = x / shapes[i, HALF] ** 2, y / shapes[i, HALF + 1] ** 2, z / shapes[i, HALF + 2] ** 2
+    if shapes[i, k.KIND] == k.BALL:
+        nx, ny, nz = x / shapes[i, k.HALF] ** 2, y / shapes[i, k.HALF + 1] ** 2, z / shapes[i, k.HALF + 2] ** 2
     else:
-        nx, ny, nz = x / flat, -(shapes[i, HALF] - shapes[i, HALF + 2]) / (2 * shapes[i, HALF + 1]), z / flat
+        nx, ny, nz = x / flat, -(shapes[i, k.HALF] - shapes[i, k.HALF + 2]) / (2 * shapes[i, k.HALF + 1]), z / flat
     n = math.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / n, ny / n, nz / n
     down = math.sqrt(max(1 - ny * ny, 1e-12))
@@ -80,9 +58,9 @@ def tangents(shapes: Float64Array, i: Whole, face: Whole, at: Vector) -> tuple[V
 def to_world(shapes: Float64Array, i: Whole, v: Vector) -> Vector:
     """A direction of a shape's frame in the world."""
     return (
-        shapes[i, TURN] * v[0] + shapes[i, TURN + 3] * v[1] + shapes[i, TURN + 6] * v[2],
-        shapes[i, TURN + 1] * v[0] + shapes[i, TURN + 4] * v[1] + shapes[i, TURN + 7] * v[2],
-        shapes[i, TURN + 2] * v[0] + shapes[i, TURN + 5] * v[1] + shapes[i, TURN + 8] * v[2],
+        shapes[i, k.TURN] * v[0] + shapes[i, k.TURN + 3] * v[1] + shapes[i, k.TURN + 6] * v[2],
+        shapes[i, k.TURN + 1] * v[0] + shapes[i, k.TURN + 4] * v[1] + shapes[i, k.TURN + 7] * v[2],
+        shapes[i, k.TURN + 2] * v[0] + shapes[i, k.TURN + 5] * v[1] + shapes[i, k.TURN + 8] * v[2],
     )
 
 
@@ -115,17 +93,17 @@ def surface(
     u, v, su, sv = texture_place(shapes, i, face, at)
     ua, va, ub, vb = su * dot(a, along_u), sv * dot(a, along_v), su * dot(b, along_u), sv * dot(b, along_v)
     red, green, blue = filter_texture(
-        texels, np.int64(shapes[i, LAYER]), np.int64(shapes[i, MODE]), (u, v), (ua, va), (ub, vb)
+        texels, np.int64(shapes[i, k.LAYER]), np.int64(shapes[i, k.MODE]), (u, v), (ua, va), (ub, vb)
     )
     stain = 1.0
-    if shapes[i, STAIN] > 0:
-        k, m = STAINS_PER_M / su, STAINS_PER_M / sv
-        grey, _, _ = filter_texture(texels, 0, WRAP, (u * k, v * m), (ua * k, va * m), (ub * k, vb * m))
-        stain = 1 + shapes[i, STAIN] * (2 * grey - 1)
+    if shapes[i, k.STAIN] > 0:
+        n, m = STAINS_PER_M / su, STAINS_PER_M / sv  # repeats of the noise for one of the texture
+        grey, _, _ = filter_texture(texels, 0, k.WRAP, (u * n, v * m), (ua * n, va * m), (ub * n, vb * m))
+        stain = 1 + shapes[i, k.STAIN] * (2 * grey - 1)
     return (
-        red * red * shapes[i, TINT] * stain,
-        green * green * shapes[i, TINT + 1] * stain,
-        blue * blue * shapes[i, TINT + 2] * stain,
+        red * red * shapes[i, k.TINT] * stain,
+        green * green * shapes[i, k.TINT + 1] * stain,
+        blue * blue * shapes[i, k.TINT + 2] * stain,
     ), normal
 
 
@@ -154,24 +132,24 @@ def ray(
     eye = camera[0], camera[1], camera[2]
     t, which, face = nearest(scene, sight[0], sight[1], sight[2], skip, eye, d)
     if which < 0:
-        return sky(scene[1], light, d, width / camera[12]), np.inf, -1, UNLIT
+        return sky(scene[1], light, d, width / camera[12]), np.inf, -1, k.UNLIT
     p = along(eye, t, d)
     (r, g, b), normal = surface(scene, which, face, t, p, d, camera, width)
-    facing = dot(normal, (light[TO_LIGHT], light[TO_LIGHT + 1], light[TO_LIGHT + 2]))
-    state = LIT if facing > 0 else UNLIT
-    if state == LIT and light[SHADOWS] > 0 and in_shadow(scene, gone, along(p, LIFT, normal)):
-        state = BLOCKED
-    sun = facing if state == LIT else 0.0
+    facing = dot(normal, (light[k.TO_LIGHT], light[k.TO_LIGHT + 1], light[k.TO_LIGHT + 2]))
+    state = k.LIT if facing > 0 else k.UNLIT
+    if state == k.LIT and light[k.SHADOWS] > 0 and in_shadow(scene, gone, along(p, k.LIFT, normal)):
+        state = k.BLOCKED
+    sun = facing if state == k.LIT else 0.0
     up = 0.5 - 0.5 * normal[1]
     near_floor = 1.0
-    if scene[0][which, CONTACT] > 0:
-        near_floor = 1 - scene[0][which, CONTACT] * math.exp(min(0.0, 4 * p[1]))
-    haze = 1 - math.exp(-light[HAZE] * t)
-    a, h = AMBIENT_SKY, AMBIENT_GROUND
-    r *= sun * light[SUN] + near_floor * (up * light[a] + (1 - up) * light[h])
-    g *= sun * light[SUN + 1] + near_floor * (up * light[a + 1] + (1 - up) * light[h + 1])
-    b *= sun * light[SUN + 2] + near_floor * (up * light[a + 2] + (1 - up) * light[h + 2])
-    r += haze * (light[HORIZON] - r)
-    g += haze * (light[HORIZON + 1] - g)
-    b += haze * (light[HORIZON + 2] - b)
+    if scene[0][which, k.CONTACT] > 0:
+        near_floor = 1 - scene[0][which, k.CONTACT] * math.exp(min(0.0, 4 * p[1]))
+    haze = 1 - math.exp(-light[k.HAZE] * t)
+    a, h = k.AMBIENT_SKY, k.AMBIENT_GROUND
+    r *= sun * light[k.SUN] + near_floor * (up * light[a] + (1 - up) * light[h])
+    g *= sun * light[k.SUN + 1] + near_floor * (up * light[a + 1] + (1 - up) * light[h + 1])
+    b *= sun * light[k.SUN + 2] + near_floor * (up * light[a + 2] + (1 - up) * light[h + 2])
+    r += haze * (light[k.HORIZON] - r)
+    g += haze * (light[k.HORIZON + 1] - g)
+    b += haze * (light[k.HORIZON + 2] - b)
     return (r, g, b), t, 16 * which + face, state
