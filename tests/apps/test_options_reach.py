@@ -128,7 +128,6 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.jobs.verbs.view_pair", lambda target, method, **_: dlama.jobs.verbs.view(done, **target, **method))
     spy("dlama.jobs.inputs.write")
     spy("dlama.apps.reading.file_names", [])
-    spy("dlama.jobs.inputs.file_names", [])
     found = SimpleNamespace(mask="mask", masker="rgbd", chosen="object", notes=(), about={})
     spy("dlama.perception.object_masks.find_mask", found)
     spy("dlama.perception.object_masks.complete_mask", found)
@@ -182,7 +181,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.verbs.networks.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))
     spy("dlama.apps.verbs.networks.model_verbs.convert", [])
     spy("dlama.apps.verbs.networks.model_verbs.source_of", lambda model: Path(model))
-    spy("dlama.apps.verbs.networks.model_verbs.size_and_sha256", (3, "abc"))
+    spy("dlama.apps.verbs.networks.model_verbs.sha256_of", "abc")
 
 
 @pytest.fixture

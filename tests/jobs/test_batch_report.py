@@ -35,7 +35,7 @@ def made_up(count: int) -> list[JobResult]:
 def test_failures_of_one_cause_are_one_group() -> None:
     """By hand: names of files and numbers differ, the cause does not; three examples are kept."""
     found = summarise(made_up(100))
-    (group,) = found.groups_by_size()
+    (group,) = found.groups.values()
     assert (found.done, found.failed, group.count, group.kind) == (90, 10, 10, "FileError")
     assert group.message == "FILE: no such file"
     assert [row.id for row in group.examples] == ["j9", "j19", "j29"]

@@ -19,7 +19,7 @@ import dlama
 from dlama.apps.command import STAGES
 from dlama.apps.examples import EXAMPLES
 from dlama.apps.options import CompletingOptions, Report, option
-from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong_value
+from dlama.apps.terminal.flags import check_words, flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines, report_result, stages_bar
 from dlama.apps.verbs.batch import batch
 from dlama.apps.verbs.measuring.doctor import doctor
@@ -103,15 +103,9 @@ def main(args: Sequence[str] | None = None) -> None:
                 VERBS, prog="dlama", description=DESCRIPTION, args=words, config=CONFIG
             )
         else:
-            raise _unknown_verb(words[0])
-
-
-def _unknown_verb(word: str) -> InputError:
-    """The error for a word that is none of the verbs."""
-    is_file = "." in word
-    meant = [] if is_file else difflib.get_close_matches(word, VERBS, 1)
-    hint = f"did you mean {meant[0]}? One" if meant else "one"
-    return InputError(f"{word!r} is no verb of dlama; {hint} of {', '.join(VERBS)} is expected")
+            meant = [] if "." in words[0] else difflib.get_close_matches(words[0], VERBS, 1)  # a file is no slip
+            hint = f"did you mean {meant[0]}? One" if meant else "one"
+            raise InputError(f"{words[0]!r} is no verb of dlama; {hint} of {', '.join(VERBS)} is expected")
 
 
 def list_verbs() -> str:
@@ -138,15 +132,7 @@ def run_verb(name: str, words: Sequence[str]) -> None:
     summary = textwrap.fill(verb.__doc__.splitlines()[0], width_of_help(), subsequent_indent="  ")
     described = f"{summary}\n\n{examples}"
     with errors_as_lines(lambda message: with_flags(message, flags_of(verb))):
-        if "" in words:
-            before = words[words.index("") - 1] if words.index("") else ""
-            raise InputError(f"{before if before.startswith('-') else 'an argument'} is empty; a value is expected")
-        twice = repeated_list(verb, words)
-        if twice is not None:
-            raise InputError(f"{twice} is given twice; all its values behind one {twice} are expected")
-        wrong = wrong_value(verb, words)
-        if wrong is not None:
-            raise InputError(wrong)
+        check_words(verb, words)
         tyro.cli(verb, prog=f"dlama {name}", description=described, args=words, config=CONFIG)
 
 

@@ -13,7 +13,7 @@ from dlama.apps.terminal.streams import printable
 from dlama.errors import FileError, OutputError, system_errors
 from dlama.models.cache import directory, locate, user_path
 from dlama.models.records import CATALOGUE
-from dlama.models.verify import sha256_of, size_and_sha256
+from dlama.models.verify import sha256_of
 from dlama.writing.atomic_write import new_file, write_file
 
 UNKNOWN = "unknown"
@@ -35,14 +35,14 @@ def model_for(model: Path | str) -> Path:
     path = source_of(model)
     if path.suffix.lower() == ".onnx":
         return path
-    size, sha256 = size_and_sha256(path)
+    sha256 = sha256_of(path)
     target = directory() / "converted" / f"{path.stem}-{sha256[:16]}-dlama{__version__}.onnx"
     hash_file = target.with_suffix(HASH_SUFFIX)
     if target.is_file():
         if is_whole(target, hash_file):
             return target
         print(printable(f"note: {target}: is not as it was written; it is made anew"), file=sys.stderr)
-    for note in convert(path, target, licence_of(size, sha256)):
+    for note in convert(path, target, licence_of(sha256)):
         print(printable(f"note: {note}"), file=sys.stderr)
     write_file(hash_file, f"{sha256_of(target)}\n")
     return target
@@ -83,7 +83,6 @@ def convert(source: Path, target: Path, licence: str) -> list[str]:
     return [line, *(f"{source}: {note}" for note in weights.notes)]
 
 
-def licence_of(size: int, sha256: str) -> str:
-    """The catalogue's entry for a file with those bytes; `unknown` where it has none."""
-    known = [record for record in CATALOGUE.values() if record.sha256 == sha256 and record.bytes in (size, None)]
-    return known[0].licence if known else UNKNOWN
+def licence_of(sha256: str) -> str:
+    """The catalogue's entry for a file with that hash; `unknown` where it has none."""
+    return next((record.licence for record in CATALOGUE.values() if record.sha256 == sha256), UNKNOWN)

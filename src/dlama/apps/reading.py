@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -113,17 +113,12 @@ def refuse_many(verb: str, image: Path | str | None) -> None:
             f"`dlama batch --images '{place}/*{one.suffix}' --verb {verb}` takes all in it" for one in pictures[:1]
         ]
         raise InputError("; ".join([f"{place}: is a folder, {expected}", *which])) from None
-    takers = ", ".join(takers_of(place, layout, verb))
-    raise InputError(f"{place}: is a data set (layout {layout}), {expected}{f'; {takers}' if takers else ''}")
-
-
-def takers_of(place: Path, layout: str, verb: str) -> Iterator[str]:
-    """In words, which verbs take a data set of that layout in place of that one."""
-    of_pairs = layout == "stereo"
+    which, of_pairs = [f"{place}: is a data set (layout {layout}), {expected}"], layout == "stereo"
     if not of_pairs and verb not in ("depth", "mask"):
-        yield "`dlama sequence` and `dlama video` take its frames as one scene"
+        which.append("`dlama sequence` and `dlama video` take its frames as one scene")
     if verb != "mask" and of_pairs >= (verb == "stereo"):
-        yield f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself"
+        which.append(f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself")
+    raise InputError("; ".join(which))
 
 
 def summary_line(meta: Mapping[str, Any], place: object, seconds: float) -> str:

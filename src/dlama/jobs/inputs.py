@@ -19,7 +19,7 @@ from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.masks import read_mask
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import check_mask_fits
-from dlama.files.results.completion import file_names, write
+from dlama.files.results.completion import write
 from dlama.files.rgbd import read_rgbd
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.files.semantic_classes import semantic_picture
@@ -244,8 +244,8 @@ class JobInputs:
         depth: MetaData = {"depth_reading": self.depth_reading} if self.depth_reading else {}
         return depth | ({"object_mask": self.object_mask} if self.object_mask else {})
 
-    def write_completion(self, done: Completion, output: Path, p: Parameters) -> list[str]:
-        """The result to its directory; the names of its files."""
+    def write_completion(self, done: Completion, output: Path, p: Parameters) -> None:
+        """The result to its directory."""
         with self.timed("write"):
             write(
                 done,
@@ -257,4 +257,3 @@ class JobInputs:
                 mask=self.removed,
                 input_addresses=self.addresses,
             )
-        return file_names(done, **select(p, RESULTS))

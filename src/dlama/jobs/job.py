@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -62,7 +62,8 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
         where: for messages.
         verb: of rows without one.
     """
-    given = {name: value for name, value in row.items() if not _is_empty(value) and not str(name).startswith("_")}
+    filled = {name: value for name, value in row.items() if not isinstance(value, str | None) or value}
+    given = {name: value for name, value in filled.items() if not str(name).startswith("_")}
     name = check_id(str(given.pop("id", "")), where)
     called = str(given.pop("verb", verb or ""))
     try:
@@ -76,11 +77,6 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
         if role in values and role in given:
             values[role] = resolve_path(values[role], base, role in FILES)
     return Job(name, called, values, where)
-
-
-def _is_empty(value: object) -> bool:
-    """Whether a cell of a list is empty."""
-    return value is None or (isinstance(value, str) and not value)
 
 
 def check_id(name: str, where: str) -> str:
@@ -118,12 +114,6 @@ def check_columns(names: list[str], where: str) -> None:
             f"{where}: column {unknown[0]!r} is no parameter; known are {', '.join(COLUMNS + KNOWN)}; "
             "a column whose name begins with _ is a note"
         )
-
-
-def folders_above(name: str) -> Iterator[str]:
-    """a, a/b for a/b/c."""
-    parts = name.split("/")
-    return ("/".join(parts[:count]) for count in range(1, len(parts)))
 
 
 def _network_hash(model: str) -> str:

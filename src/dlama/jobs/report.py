@@ -72,10 +72,6 @@ class Summary(Totals):
     most_moves: list[JobResult] = field(default_factory=list)
     """The SHOWN with most filled pixels that were moved behind what was measured, the most first."""
 
-    def groups_by_size(self) -> list[Group]:
-        """The largest first."""
-        return sorted(self.groups.values(), key=lambda one: (-one.count, one.kind, one.message))
-
 
 def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
     """One pass over the rows; the random ones are drawn by reservoir, so that each result is as likely as any other."""
@@ -170,7 +166,7 @@ def values(found: Summary, output: Output) -> dict[str, Any]:
     return {
         "title": f"Batch {Path(local_path(output.place)).name or output.place}",
         "facts": [(name, text) for name, text in facts if text],
-        "groups": found.groups_by_size(),
+        "groups": sorted(found.groups.values(), key=lambda one: (-one.count, one.kind, one.message)),
         "failed": found.failed,
         "bars": _bars(width, bars),
         "bar_width": duration(width),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -68,9 +67,10 @@ def run_jobs(
     _remove_drafts(settings.output)
     with Manifest(settings.output, source if can_be_read_twice else ()) as manifest:
         total = manifest.planned if can_be_read_twice else None
+        packer = None if settings.pack is None else Packer(settings.output, manifest, settings.pack)
         workers = start()
         try:
-            yield from _Run(iter(source), settings, manifest, workers, total).results()
+            yield from _Run(iter(source), settings, manifest, packer, workers, total).results()
         except BaseException:
             with suppress(OutputError):
                 manifest.write_table()
@@ -95,6 +95,7 @@ class _Run:
     """Those that are not begun."""
     settings: Settings
     manifest: Manifest
+    packer: Packer | None
     workers: Workers
     total: int | None
     more: bool = True
@@ -107,15 +108,12 @@ class _Run:
     under_way: int = 0
     again: deque[Task] = field(default_factory=deque)
     """Tasks whose process died."""
-    packer: Packer | None = None
-    ready: list[tuple[int, JobResult]] = field(default_factory=list)
-    """Results not yet handed out, a heap by number where they are expected in order."""
+    ready: dict[int, JobResult] = field(default_factory=dict)
+    """Place in the list -> result, of those not yet handed out, as they ended."""
 
     def results(self) -> Iterator[JobResult]:
         """All of them."""
         self.settings.progress(None, 0, self.total)
-        if self.settings.pack is not None:
-            self.packer = Packer(self.settings.output, self.manifest, self.settings.pack)
         while self.is_going():
             self.hand_in()
             yield from self.ready_results()
@@ -126,7 +124,6 @@ class _Run:
                 yield from self.ready_results()
         if self.packer is not None:
             self.packer.pack()
-        yield from self.ready_results()
 
     def is_going(self) -> bool:
         """Whether a job is left, or has not ended."""
@@ -135,6 +132,10 @@ class _Run:
     def can_begin(self) -> bool:
         """Whether a free worker may be given a task."""
         return bool(self.again) or (self.more and not self.is_full())
+
+    def is_full(self) -> bool:
+        """Whether no job is begun until an earlier one has ended, so that few results wait for it."""
+        return self.settings.ordered and self.begun - self.handed_out >= WINDOW * self.workers.count
 
     def hand_in(self) -> None:
         """Give free workers their tasks."""
@@ -145,19 +146,11 @@ class _Run:
             self.workers.submit(task)
             self.under_way += 1
 
-    def is_full(self) -> bool:
-        """Whether no job is begun until an earlier one has ended, so that few results wait for it."""
-        return self.settings.ordered and self.begun - self.handed_out >= WINDOW * self.workers.count
-
-    def has_failed_enough(self) -> bool:
-        """Whether no further job is begun, for so many have failed."""
-        limit = self.settings.stop_after_failures
-        return limit is not None and self.failures >= limit
-
     def next_task(self) -> Task | None:
         """The next job that is to be run; None: none of the next few is."""
+        most = self.settings.stop_after_failures
         for _ in range(AT_ONCE):
-            job = None if self.has_failed_enough() else next(self.jobs, None)
+            job = None if most is not None and self.failures >= most else next(self.jobs, None)
             if job is None:
                 self.more = False
                 return None
@@ -201,7 +194,7 @@ class _Run:
             self.packer.add(row)
         self.failures += row.status == "failed"
         self.unwritten = self.unwritten + 1 if row.error_kind == "OutputError" else 0
-        heapq.heappush(self.ready, (number, row)) if self.settings.ordered else self.ready.append((number, row))
+        self.ready[number] = row
         if self.unwritten >= UNWRITTEN:
             raise OutputError(
                 f"the last {UNWRITTEN} results could not be written ({row.error}); what is done is kept, and the same command "
@@ -210,8 +203,11 @@ class _Run:
 
     def ready_results(self) -> Iterator[JobResult]:
         """The results that can be handed out now."""
-        while self.ready and (not self.settings.ordered or self.ready[0][0] == self.handed_out):
-            _, row = heapq.heappop(self.ready) if self.settings.ordered else self.ready.pop(0)
+        while self.ready:
+            number = self.handed_out if self.settings.ordered else next(iter(self.ready))
+            if number not in self.ready:
+                return
             self.handed_out += 1
+            row = self.ready.pop(number)
             self.settings.progress(row, self.handed_out, self.total)
             yield row

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from tyro.conf import Positional
 
-from dlama.errors import name_parameters, plain_name
+from dlama.errors import InputError, name_parameters, plain_name
 
 FLAG = re.compile("--|-[a-z]", re.IGNORECASE)
 """How a flag begins, and no negative number."""
@@ -42,25 +42,25 @@ def flags_of(verb: Callable[..., Any]) -> dict[str, str]:
     return {one.name: one.flag for one in _flags(verb)}
 
 
-def repeated_list(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
-    """The flag of an option with several values that is given twice, of which only the last values would count; None: none is."""
-    given = [word.partition("=")[0] for word in words]
-    return next((one.flag for one in _flags(verb) if (one.several or one.listed) and given.count(one.flag) > 1), None)
-
-
-def wrong_value(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
-    """What is wrong with the first value that is no number, or no word of those that there are: a line; None: nothing is."""
-    flags = {one.flag: one for one in _flags(verb)}
+def check_words(verb: Callable[..., Any], words: Sequence[str]) -> None:
+    """Raise InputError for what tyro takes silently, or refuses at length: an empty word, several values that are given in two
+    places, of which only the last would count, and a value that is no number, or no word of those that there are."""
+    if "" in words:
+        before = words[words.index("") - 1] if words.index("") else ""
+        raise InputError(f"{before if before.startswith('-') else 'an argument'} is empty; a value is expected")
+    flags, given = {one.flag: one for one in _flags(verb)}, [word.partition("=")[0] for word in words]
+    for flag, one in flags.items():
+        if (one.several or one.listed) and given.count(flag) > 1:
+            raise InputError(f"{flag} is given twice; all its values behind one {flag} are expected")
     for place, word in enumerate(words):
         name, equals, value = word.partition("=")
-        one = flags.get(name.replace("_", "-"))
-        if one is None:
+        option = flags.get(name.replace("_", "-"))
+        if option is None:
             continue
-        behind = itertools.takewhile(lambda one: not FLAG.match(one), words[place + 1 :])
-        for given in [value] if equals else itertools.islice(behind, None if one.several else 1):
-            if not any(_fits(given, kind) for kind in one.kinds):
-                return f"{one.flag} is {given!r}; {_describe(one.kinds)} is expected"
-    return None
+        behind = itertools.takewhile(lambda word: not FLAG.match(word), words[place + 1 :])
+        for typed in [value] if equals else itertools.islice(behind, None if option.several else 1):
+            if not any(_fits(typed, kind) for kind in option.kinds):
+                raise InputError(f"{option.flag} is {typed!r}; {_describe(option.kinds)} is expected")
 
 
 def _describe(kinds: Sequence[Any]) -> str:

@@ -16,11 +16,11 @@ import sqlite3
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import IO
 
 from dlama.errors import InputError, OutputError, system_errors
-from dlama.jobs.job import Job, folders_above
+from dlama.jobs.job import Job
 from dlama.jobs.results.result import CSV_COLUMNS, JobResult
 from dlama.jobs.storage import Output, file_stamp, file_system, is_address
 from dlama.models.verify import sha256_of
@@ -78,7 +78,9 @@ class Manifest:
             (first,) = self._index.execute("select number from jobs where id = ?", (name,)).fetchone()
             raise InputError(f"{where}: id {name!r} is that of job {first + 1} already; ids must differ") from None
         planned = "select 1 from jobs where id = ?"
-        above = [one for one in folders_above(name) if self._index.execute(planned, (one,)).fetchone()]
+        above = [
+            str(one) for one in PurePosixPath(name).parents if self._index.execute(planned, (str(one),)).fetchone()
+        ]
         below = self._index.execute("select id from jobs where id > ? and id < ? limit 1", (f"{name}/", f"{name}0"))
         others = above or [one for (one,) in below]
         if others:

@@ -15,7 +15,7 @@ from dlama.apps.terminal.output import counting_bar, report_result
 from dlama.errors import FileError, OutputError
 from dlama.models.cache import directory, known_size_and_sha256, target_path
 from dlama.models.records import CATALOGUE, Record, record
-from dlama.models.verify import size_and_sha256, verify
+from dlama.models.verify import sha256_of, verify
 
 Name = Positional[Annotated[str, option("NAME", None)]]
 
@@ -25,33 +25,22 @@ class ListModels(Report):
     """The models that can be named, and which of them are here."""
 
     def run(self) -> None:
-        """Print the table."""
-        with report_result("models list", self) as result:
-            entries = [
-                {
-                    "name": one.name,
-                    "here": target_path(one).is_file(),
-                    "bytes": one.bytes,
-                    "licence": one.licence,
-                    "what": one.what,
-                }
-                for one in CATALOGUE.values()
-            ]
-            result.add(self.table(), directory=str(directory()), models=entries)
-            result.add(f"files lie in {directory()} (DLAMA_MODELS names another directory)")
-
-    def table(self) -> str:
-        """As wide as the terminal."""
+        """Print a table as wide as the terminal."""
         from rich.console import Console
         from rich.table import Table
 
-        table = Table("name", "here", "MB", "licence", "what", box=None, header_style="bold")
-        for entry in CATALOGUE.values():
-            table.add_row(entry.name, _here(entry), _megabytes(entry.bytes), entry.licence, entry.what)
-        console = Console()
+        table, console = Table("name", "here", "MB", "licence", "what", box=None, header_style="bold"), Console()
+        entries = []
+        for one in CATALOGUE.values():
+            size = "?" if one.bytes is None else f"{one.bytes / 1e6:{'.1g' if one.bytes < 1e6 else '.0f'}}"
+            table.add_row(one.name, _here(one), size, one.licence, one.what)
+            about = {name: getattr(one, name) for name in ("name", "bytes", "licence", "what")}
+            entries.append({**about, "here": target_path(one).is_file()})
         with console.capture() as drawn:
             console.print(table)
-        return drawn.get().rstrip("\n")
+        with report_result("models list", self) as result:
+            result.add(drawn.get().rstrip("\n"), directory=str(directory()), models=entries)
+            result.add(f"files lie in {directory()} (DLAMA_MODELS names another directory)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,25 +54,22 @@ class Info(Report):
         """Print it, a line each."""
         with report_result("models info", self) as result:
             entry = record(self.name)
-            known = self.about(entry)
+            known: dict[str, str | None] = {
+                "name": entry.name,
+                "what": entry.what,
+                "from": "\n          ".join(entry.urls),
+                "sha256": entry.sha256 or "unknown, pinned on first use",
+                "pinned": known_size_and_sha256(entry)[1] if entry.sha256 is None else None,
+                "bytes": "unknown" if entry.bytes is None else str(entry.bytes),
+                "licence": entry.licence,
+                "contract": entry.contract,
+                "note": entry.note,
+                "caution": "dlama's authors never had this file in hand; size and sha256 are as projects that load it "
+                "publish them",
+                "file": f"{target_path(entry)} ({_here(entry)})",
+            }
             shown = "\n".join(f"{key:9} {value}" for key, value in known.items() if value)
             result.add(shown, **known, urls=list(entry.urls), here=target_path(entry).is_file())
-
-    def about(self, entry: Record) -> dict[str, str | None]:
-        """What each line says."""
-        return {
-            "name": entry.name,
-            "what": entry.what,
-            "from": "\n          ".join(entry.urls),
-            "sha256": entry.sha256 or "unknown, pinned on first use",
-            "pinned": known_size_and_sha256(entry)[1] if entry.sha256 is None else None,
-            "bytes": "unknown" if entry.bytes is None else str(entry.bytes),
-            "licence": entry.licence,
-            "contract": entry.contract,
-            "note": entry.note,
-            "caution": "dlama's authors never had this file in hand; size and sha256 are as projects that load it publish them",
-            "file": f"{target_path(entry)} ({_here(entry)})",
-        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +108,7 @@ class Convert(Report):
             raise OutputError(f"`output` is {self.output}; a name that ends in .onnx is expected")
         check_file_apart(self.output, {"weights": self.weights}, makes_folder=True)
         source = source_of(self.weights)
-        licence = self.licence or licence_of(*size_and_sha256(source))
+        licence = self.licence or licence_of(sha256_of(source))
         with report_result("models convert", self) as result:
             notes = convert(source, self.output, licence)
             if licence == UNKNOWN:
@@ -172,7 +158,3 @@ def models(
 
 def _here(entry: Record) -> str:
     return "yes" if target_path(entry).is_file() else "no"
-
-
-def _megabytes(size: int | None) -> str:
-    return "?" if size is None else f"{size / 1e6:.1g}" if size < 1e6 else f"{size / 1e6:.0f}"
