@@ -35,8 +35,6 @@ FINE, BROAD = 0.005, 0.02
 TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.OBJECT)
 """Hole types that the network distinguishes; the rest are cracks and flying pixels."""
 FEATURES, OUTPUTS = 28, 4
-JUDGED = 320
-"""Longer side, in pixels, of a picture every pixel of which is judged; of a larger one so many at most."""
 REACH = 3.0
 """Features are clipped at so many standard deviations of the training data."""
 WEIGHTS = ASSETS / "confidence" / "confidence.npz"
@@ -118,7 +116,7 @@ class KnownFeatures(NamedTuple):
 
 
 def features_of_known(view: View, noise: float = 0.0) -> KnownFeatures:
-    """The features of a view that its known pixels give, one at a time, to save memory.
+    """The features of a view that its known pixels give.
 
     No feature depends on the picture's size in pixels or on the scene's scale. Of a large view some pixels are judged.
     noise: of the depth as it was measured (`depth_noise`), for the view may be drawn without it.
@@ -132,24 +130,20 @@ def features_of_known(view: View, noise: float = 0.0) -> KnownFeatures:
     diagonal = float(np.hypot(*hole.shape))
     distance, nearest = nearest_known(~hole)
     rim, distance = nearest[hole], distance[hole]
-    del nearest
     rows[0] = np.log1p(distance / (0.01 * diagonal))
     rows[1] = distance / diagonal
-    del distance
     kinds = view.hole_type[hole]
     for row, kind in enumerate(TYPES, start=2):
         rows[row] = kinds == int(kind)
     w, typical = known_inverse_depth(view)
     rows[10] = w.ravel()[rim] == 0
     log_w = log_inverse(w, typical)
-    del w
     there = rows[7] = log_w.ravel()[rim]
     level, relief = (of.ravel()[rim] for of in local_contrast(log_w, view.valid, BROAD * diagonal))
     rows[13] = np.log1p(10 * relief)
     rows[21] = np.abs(there - level)
     rows[23] = np.log1p(100 * local_contrast(log_w, view.valid, FINE * diagonal)[1].ravel()[rim])
     rows[25] = max(noise, estimate_noise(log_w, view.valid, 1000))
-    del log_w
     grey = channel_mean(view.color)
     mean, contrast = (of.ravel()[rim] for of in local_contrast(grey, ~hole, BROAD * diagonal))
     rows[11] = np.log1p(contrast)
@@ -173,12 +167,10 @@ def feature_rows(known: KnownFeatures, color: UInt8Array, depth: Float32Array) -
     w = inverse_depth(np.where(hole, depth, view.depth))
     rows[9] = w[hole] == 0
     log_w = log_inverse(w, typical)
-    del w
     rows[6] = log_w[hole]
     rows[8] = np.abs(rows[6] - rows[7])
     slope = np.hypot(*(cv2.Scharr(log_w, cv2.CV_32F, *way) for way in ((1, 0), (0, 1))))
     rows[14] = np.log1p(slope[hole] * diagonal / 32)
-    del log_w, slope
     grey = channel_mean(color)
     painted = grey[hole]
     rows[15] = np.log1p(np.abs(painted - mean))
@@ -195,8 +187,8 @@ def depth_noise(view: View) -> float:
 
 
 def judged_step(view: View) -> int:
-    """Every so many pixels of a view are judged."""
-    return -(-max(view.hole.shape) // JUDGED)
+    """Every so many pixels of a view are judged: 320 along the longer side at most."""
+    return -(-max(view.hole.shape) // 320)
 
 
 def known_inverse_depth(view: View) -> tuple[Float32Array, float]:

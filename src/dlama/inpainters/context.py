@@ -22,8 +22,6 @@ from dlama.inpainters.confidence import depth_noise
 
 HELD_BYTES = 256_000_000
 """Most memory for the depth of all frames; beyond it, depth is computed for each camera."""
-MOST_COARSE = 24
-"""Further frames, besides those drawn for a camera, whose coarse depth counts for its law."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,16 +43,15 @@ class FillContext:
         check_arguments(cls.of, locals())
         if len(scene.frames) > 1 and sum(4 * one.camera.width * one.camera.height for one in scene.frames) > HELD_BYTES:
             return cls(Law(()), scene=scene)
-        sky, noise = sky_of(scene), noise_of(scene)
-        return cls(Law.of(scene), sky, noise)
+        return cls(Law.of(scene), sky_of(scene), noise_of(scene))
 
     def near(self, camera: Camera) -> FillContext:
-        """The context for a camera: itself; of very many frames, that of the frames drawn for it, and of some more their coarse
+        """The context for a camera: itself; of very many frames, that of the frames drawn for it, and of 24 more their coarse
         depth, the nearest of blocks of pixels."""
         if self.scene is None:
             return self
         whole = self.scene
-        places = choose_frames(whole.frames, camera, MOST_FRAMES + MOST_COARSE)
+        places = choose_frames(whole.frames, camera, MOST_FRAMES + 24)
         frames = [whole.frames[place] for place in places[:MOST_FRAMES]]
         removed = [one for one in whole.removals if any(one.camera.same_view_as(each.camera) for each in frames)]
         drawn = Scene(tuple(frames), tuple(removed), noise=whole.noise)

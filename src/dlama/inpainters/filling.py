@@ -43,12 +43,6 @@ class Fill:
     """H x W x 2 expected errors of the filler itself, see `View.errors`; None: the confidence network estimates them."""
 
 
-CONTEXT, CONTEXT_SHARE, CONTEXT_PX = 0.4, 0.08, 256
-"""Context that a filler sees round its holes: this multiple of the longer side of their box, at least that share of the view's
-longer side, and at least so many pixels."""
-WORTH_CROPPING = 0.6
-"""Largest share of the view for which only that part is filled."""
-
 Inpainter = Callable[[View, FillContext, int], Fill]
 """A filler: (view with holes, its context, seed) -> Fill. Deterministic for one seed. Views are read-only, the source's own holes
 come first; of a large one the filler sees the part round its holes (`inpaint`)."""
@@ -147,7 +141,7 @@ def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 
 
     Holes with measured colour (origin DEPTH_FILLED: sensor holes of a source view) get depth only. A view without any
     known pixel comes back unchanged, with the note `nothing_visible`. Where its holes lie in a small part of a large view, the
-    filler sees that part with CONTEXT round it: the work is proportional to the hole.
+    filler sees that part (`part_worth_cropping`): the work is proportional to the hole.
     Raises InputError: the filler returns no Fill, or one of another size.
     """
     check_arguments(inpaint, locals())
@@ -167,11 +161,11 @@ def inpaint(view: View, inpainter: Inpainter, context: FillContext, seed: int = 
 
 
 def part_worth_cropping(hole: BoolArray) -> Box | None:
-    """Rows and columns of the box round a hole (H x W, not empty) that a filler sees; None: of all, which is not much more."""
+    """Rows and columns of the box round a hole (H x W, not empty) that a filler sees, with context of .4 of its longer side, .08
+    of the view's and 256 px at least; None: of all, which is not much more."""
     tight = box_around(hole, 0)
-    margin = max(CONTEXT_PX, round(CONTEXT * max(sides_of(tight))), round(CONTEXT_SHARE * max(hole.shape)))
-    box = larger_box(tight, margin, hole.shape)
-    return box if np.prod(sides_of(box)) <= WORTH_CROPPING * hole.size else None
+    box = larger_box(tight, max(256, round(0.4 * max(sides_of(tight))), round(0.08 * max(hole.shape))), hole.shape)
+    return box if np.prod(sides_of(box)) <= 0.6 * hole.size else None
 
 
 def _fill_whole(view: View, inpainter: Inpainter, context: FillContext, seed: int) -> tuple[View, FillReport]:

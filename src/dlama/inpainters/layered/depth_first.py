@@ -32,9 +32,6 @@ OCCLUDERS_SIDE = 640
 OCCLUDER_REACH = 0.25
 """Distance from the hole, over the picture's longer side, in which the rest of that occluder is hidden, too: a network that
 sees the stripes of a barrel continues them into the hole next to it."""
-CONTINUES, MOSTLY = 0.02, 0.5
-"""Share of the dis-occluded area from which a surface counts as continuing there, and so as no occluder. The second applies
-where most of its pixels are in front of the hole."""
 MIXED_PX = 3
 """Pixels round an occluder that may be mixed with its colour."""
 SEAM = 6
@@ -43,8 +40,6 @@ STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
 """A known pixel nearer than this share of the depth filled next to it is an occluder."""
-BEHIND = 0.95
-"""A known pixel farther than this many times the depth of the removed object next to it lies next to it or behind it."""
 
 Painted = tuple[UInt8Array, dict[str, Any]]
 """H x W x 3 colours, and notes of what ran, for meta.json."""
@@ -147,7 +142,8 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     filled, there, before = (
         np.bincount(surfaces.label[of].clip(0), minlength=len(surfaces.planes) + 1) for of in (hidden, near, adjacent)
     )
-    least = np.where(2 * before < there, CONTINUES, MOSTLY)[1:]
+    # a surface that continues in what was hidden is no occluder, unless most of its pixels are in front of the hole
+    least = np.where(2 * before < there, 0.02, 0.5)[1:]
     continuing = 1 + np.flatnonzero(filled[1:] > least * hidden.sum())
     w = inverse_depth(np.where(view.hole, np.float32(np.inf), view.depth))
     edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
@@ -181,7 +177,7 @@ def find_background(view: View, law: Law) -> BoolArray:
     removed = depth_of_removed(view, law)
     if removed is None:
         return np.zeros(view.hole.shape, np.bool_)
-    return view.far | (view.valid & (view.depth > BEHIND * removed))
+    return view.far | (view.valid & (view.depth > 0.95 * removed))
 
 
 def seams(label: NDArray[np.int8], hole: BoolArray) -> BoolArray:

@@ -41,12 +41,6 @@ from dlama.perception.planes import SKY
 
 VIEW_SIDE = 256
 """Longer side of the picture that the network paints where nothing is removed: 384 pixels take twice the time, for LPIPS -3 %."""
-DISOCCLUDED_SHARE = 0.4
-"""Weight of the network's picture in dis-occlusions. Out of view houses that it guesses would shine through the sky."""
-NARROW = 4
-"""Side in pixels of the least square that fits into a hole which is not narrow."""
-SIGMA = 1.2
-"""Pixels, of the Gaussian that weighs the known ones."""
 
 
 def layered(view: View, context: FillContext, seed: int = 0) -> Fill:
@@ -98,8 +92,8 @@ def paint_over_surfaces(
         color = replace_removed(view, color, guess, removed, seed)
     painted, w = surfaces.without_leaves(view.color_hole), surfaces.inverse_depth
     color = blend_with_low_frequency(view, color, painted, w, surfaces.label, smooth)
-    if guess is not None and uncovered.any():
-        color = blend_with_guess(color, guess.picture(), uncovered, guess_share=DISOCCLUDED_SHARE)
+    if guess is not None and uncovered.any():  # not out of view: houses that it guesses would shine through the sky
+        color = blend_with_guess(color, guess.picture(), uncovered, guess_share=0.4)
     return color, guess.notes() if guess is not None else {}
 
 
@@ -125,19 +119,19 @@ class Guess:
 
 
 def close_narrow_holes(view: View) -> View:
-    """The view with colours, as if they were measured, in the narrow parts of its holes, but for those of removed objects; their
-    depth stays open.
+    """The view with colours, as if they were measured, in the narrow parts of its holes, into which no square of 4 px fits, but
+    for those of removed objects; their depth stays open.
 
     Between pixels that a sensor or a renderer left apart, and along silhouettes, neither a surface nor a patch tells more; and
     what paints wider holes sees a whole picture. The means are those of `gaussian_mean`, to a few levels: of 8 bit they take a
     fifth of the time.
     """
     hole = view.color_hole
-    narrow = hole & ~view.object_hole & ~morphological_open(hole, square(NARROW))
+    narrow = hole & ~view.object_hole & ~morphological_open(hole, square(4))
     if not narrow.any():
         return view
     known, color = (~hole).view(np.uint8) * np.uint8(255), view.color.copy()
-    sums, share = (cv2.GaussianBlur(each, (0, 0), SIGMA)[narrow] for each in (cv2.copyTo(color, known), known))
+    sums, share = (cv2.GaussianBlur(each, (0, 0), 1.2)[narrow] for each in (cv2.copyTo(color, known), known))
     means = sums * (np.float32(255) / np.maximum(share, 1))[:, None]
     color[narrow] = np.minimum(np.rint(means), 255)
     return view.with_planes(color=color, origin=np.where(narrow, np.uint8(Origin.MEASURED), view.origin))

@@ -27,22 +27,6 @@ from dlama.perception.shadows.lit_surface import log_luma, quadratic, robust_fit
 
 GRID = 256
 """Longer side of the coarse picture in which shadows are searched."""
-DARKER = 0.12
-"""Least darkness of a shadow's core, natural logarithm."""
-FAINTEST = 0.06
-"""The same of its border."""
-USUAL = 0.98
-"""Share of the distant surface that is lighter than a shadow: equal darkness elsewhere is a pattern."""
-CLEARLY = 1.25
-"""Least factor of a shadow's core over that pattern."""
-REACH = 1.0
-"""Search radius, in square roots of the object's area."""
-DEPTH_REACH = 1.5
-"""Largest difference in depth to the object, in the same unit."""
-LEAST_CELLS = 60
-"""Least number of distant surface cells that define its pattern."""
-INNER_PX = (8, 4, 0)
-"""Pixels eroded from the removed object before its depth is used, the first that leave some of it: masks are grown."""
 
 
 def find_remaining_shadow(view: View, label: NDArray[np.int8], law: Law) -> BoolArray:
@@ -56,7 +40,7 @@ def find_remaining_shadow(view: View, label: NDArray[np.int8], law: Law) -> Bool
         return np.zeros_like(own)
     wh = smaller_size(own.shape, GRID)
     distance = distance_to(shrink_mask(own, wh) > 0.25)  # cells of which more than a quarter is in it
-    reach = REACH * np.sqrt((distance == 0).sum()) + 2
+    reach = np.sqrt((distance == 0).sum()) + 2
     luma = log_luma(view.color)
     out = np.zeros(wh[::-1], np.bool_)
     ring = (distance > 0) & (distance <= 3)
@@ -72,9 +56,8 @@ def find_remaining_shadow(view: View, label: NDArray[np.int8], law: Law) -> Bool
     full = cv2.resize(out.astype(np.uint8), own.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
     removed = depth_of_removed(view, law) if full.any() else None
     if removed is not None:
-        full &= (
-            np.abs(view.depth - removed) < DEPTH_REACH * np.sqrt(own.sum()) * np.median(removed[own]) / view.camera.fx
-        )
+        size = np.sqrt(own.sum()) * np.median(removed[own]) / view.camera.fx
+        full &= np.abs(view.depth - removed) < 1.5 * size
     return np.asarray(full & ~view.hole)
 
 
@@ -88,7 +71,7 @@ def depth_of_removed(view: View, law: Law) -> Float32Array | None:
             )
     if not removed.any():
         return None
-    inner = next(inner for px in INNER_PX if (inner := erode_mask(removed > 0, px)).any())
+    inner = next(inner for px in (8, 4, 0) if (inner := erode_mask(removed > 0, px)).any())  # masks are grown
     return np.asarray(removed.ravel()[nearest_known(inner)[1]])
 
 
@@ -96,15 +79,15 @@ def find_shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Arr
     """h x w, the shadow on one surface (h x w bool). level: h x w logarithm of its brightness; distance: cells to the object."""
     beyond = surface & (distance > reach) & (distance <= 3 * reach)
     near = surface & (distance <= reach)
-    if beyond.sum() < LEAST_CELLS or not near.any():
+    if beyond.sum() < 60 or not near.any():  # too few to show a pattern
         return np.zeros_like(surface)
     rows, columns = np.nonzero(near | beyond)
     height, width = surface.shape
     design, seen = quadratic(columns / width, rows / height), level[rows, columns]
     dark = np.zeros_like(level)  # below the lit surface, a quadratic over the pixels
     dark[rows, columns] = (design @ robust_fit(design, seen.astype(np.float64))).astype(np.float32) - seen
-    core = max(DARKER, CLEARLY * float(np.quantile(dark[beyond], USUAL)))
-    darker = morphological_open(near & (dark > max(FAINTEST, core / 2)), square(3))
+    core = max(0.12, 1.25 * float(np.quantile(dark[beyond], 0.98)))  # equal darkness farther away is a pattern
+    darker = morphological_open(near & (dark > core / 2), square(3))
     number = cv2.connectedComponents(darker.astype(np.uint8), connectivity=4)[1]
     adjacent = np.unique(number[near & (distance <= 2) & (dark > core)])
     return np.isin(number, adjacent[adjacent > 0])

@@ -16,24 +16,18 @@ from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes
 from dlama.inpainters.opencv import telea, with_diffused_depth
 
-CRACK_SIDE = 3
-"""Holes that a square of this side does not fit into are cracks; beyond the border counts as hole."""
-CRACK_REACH = 12
-"""Pixels of a hole next to its cracks that are diffused with them, so that those are as if all of it were."""
-NETWORK_SIDE = 512
-"""The network's own size: every crop of up to this side costs the same."""
-
 
 def migan_filler(model: str | Path) -> Painter:
     """A filler of MI-GAN: a file of its generator. It raises FileError where the file is another network's."""
-    network = open_engine(model, budget=(2 * NETWORK_SIDE) ** 2, memory_pattern=False)
+    network = open_engine(model, budget=1024**2, memory_pattern=False)
 
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
         kind = network.contract.network  # not before it runs: that loads the network, which many views do without
         if kind != "migan":
             raise FileError(f"{network.path}: is a network {kind!r} by its contract; MI-GAN is expected")
-        wide = hole & morphological_open(hole, square(CRACK_SIDE))
-        near = hole & dilate_square(hole & ~wide, 2 * CRACK_REACH + 1)
+        wide = hole & morphological_open(hole, square(3))
+        # and 12 px next to cracks, so that these are as if all of it were
+        near = hole & dilate_square(hole & ~wide, 25)
         return color_from_planes(network.fill(color_planes(telea.paint(picture, near, seed))[None], wide)[0])
 
     return with_diffused_depth(paint, lambda: network.notes)

@@ -22,9 +22,6 @@ from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.tiling import Network, fill_crops
 from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes
 
-MASKS_NOTE = {1: "one: the union of both pictures' holes", 2: "two: the left picture's hole, the right one's"}
-"""Masks a network takes -> what stands in meta.json."""
-
 
 @dataclass(frozen=True)
 class PairFiller:
@@ -49,7 +46,8 @@ class PairFiller:
             own = color_from_planes(filled[:3] if left else filled[3:])
             return np.where(hole[..., None], own, picture)
 
-        return Painter(paint, self, lambda: self.network.notes | {"masks": MASKS_NOTE[self.network.contract.masks]})
+        masks = {1: "one: the union of both pictures' holes", 2: "two: the left picture's hole, the right one's"}
+        return Painter(paint, self, lambda: self.network.notes | {"masks": masks[self.network.contract.masks]})
 
 
 def pair_filler(model: str | Path) -> PairFiller:

@@ -29,8 +29,6 @@ CELL = 16
 """Pixels: holes are grouped on a grid of such cells; neighbouring cells are one group."""
 OVERLAP = 128
 """Pixels by which tiles overlap."""
-LEAST_KNOWN = 0.02
-"""A tile with less than this share known also sees what earlier tiles filled."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +197,7 @@ def blend_tiles(
 ) -> Float32Array:
     """The box's planes, each pixel the mean of its tiles weighted by distance from their borders.
 
-    Tiles with most known go first; one in which nothing is known continues from what those before it filled.
+    Tiles with most known go first; one in which less than 2 % is known continues from what those before it filled.
     """
     top, bottom, left, right = box
     total = np.zeros((*planes.shape[:2], bottom - top, right - left), np.float32)
@@ -208,7 +206,7 @@ def blend_tiles(
         here = np.s_[..., tile[0] : tile[1], tile[2] : tile[3]]
         inside = np.s_[..., tile[0] - top : tile[1] - top, tile[2] - left : tile[3] - left]
         seen, open_ = planes[here], hole[here]
-        if open_.mean() > 1 - LEAST_KNOWN and weight[inside].any():
+        if open_.mean() > 0.98 and weight[inside].any():
             earlier = open_ & (weight[inside] > 0)
             seen = np.where(earlier, total[inside] / np.maximum(weight[inside], 1e-9), seen)
             open_ = open_ & ~earlier

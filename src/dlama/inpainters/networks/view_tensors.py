@@ -12,9 +12,6 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.networks.contract import DEPTH_AT_QUANTILE, DEPTH_QUANTILE
 
-FAR_SHARE = 0.5
-"""Filled inverse depth below this share of the smallest known one is far, in a view that shows far pixels."""
-
 
 def nearest_scale(w: Float32Array) -> float:
     """The inverse depth (1/m) that is called 1: the nearest pixel's; w: inverse depths, 0 = far or unknown."""
@@ -37,7 +34,7 @@ class DepthPlane:
     scale: float
     """1/m at 1."""
     far_below: float
-    """Filled values below this are far (0: only what is not above 0)."""
+    """Filled values below this are far: half the smallest known one, in a view that shows far pixels; else 0."""
 
     @classmethod
     def of(cls, view: View, scale: Callable[[Float32Array], float] = nearest_scale) -> DepthPlane:
@@ -45,7 +42,7 @@ class DepthPlane:
         one = scale(w)
         values = np.minimum(w / np.float32(one), np.float32(1)).astype(np.float32)
         known = values[view.valid]
-        below = FAR_SHARE * float(known.min()) if known.size and view.far.any() else 0.0
+        below = 0.5 * float(known.min()) if known.size and view.far.any() else 0.0
         return cls(values, one, below)
 
     def metres(self, values: Float32Array) -> Float32Array:

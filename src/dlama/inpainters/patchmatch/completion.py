@@ -18,15 +18,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch.pyramid import build_pyramid, shrink
 from dlama.inpainters.patchmatch.search import Search
 
-DISTANCE_DOWN, DISTANCE_ACROSS = 10000.0, 2500.0
-"""Penalty, in squared grey levels, of a patch as far away as the picture's longer side, vertically and horizontally."""
-REUSE_PENALTY = 30.0
-"""Penalty, in squared grey levels, for each repeated use of a source."""
-OTHER_SURFACE = 1000.0
-"""Penalty, in squared grey levels, of a patch centred on another surface, where surfaces are given."""
-FIRST = 8
-"""Rounds of matching, from random patches on, in the coarsest level before the first vote."""
-
 
 @dataclass(frozen=True)
 class Effort:
@@ -74,11 +65,12 @@ def complete_picture(
     while levels:
         level = levels.pop()
         side = max(hole.shape) / (times * 2 ** len(levels))
-        penalties = DISTANCE_DOWN / side**2, DISTANCE_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE
+        # in squared grey levels: of the longer side as distance, down and across; of each repeated use; of another surface
+        penalties = 10000.0 / side**2, 2500.0 / side**2, 30.0, 1000.0
         search = Search(level, rng, np.array(penalties, np.float32))
         if coarser is None:
             search.start_anywhere(rng)
-            for turn in range(FIRST):
+            for turn in range(8):
                 search.match(turn, 1)
         else:
             search.start_from(coarser)

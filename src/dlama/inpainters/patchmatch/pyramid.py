@@ -21,7 +21,6 @@ SMALLEST_SIDE = 40
 DEEPEST = 8.0
 """Depth in px of the hole on the coarsest level. If deeper, the guess has too much weight; if shallower, its structure is
 lost."""
-FEWEST_SOURCES = 50
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ def build_pyramid(picture: UInt8Array, hole: BoolArray, label: NDArray[np.intege
     while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
         values, hole, label = shrink(values, hole, label, 2)
         sources = whole_patches(hole)
-        if sources.sum() < FEWEST_SOURCES or not hole.any():
+        if sources.sum() < 50 or not hole.any():
             break
         levels.append(Level(values, hole, sources, label.astype(np.int32)))
     return levels

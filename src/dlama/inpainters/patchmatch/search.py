@@ -20,13 +20,11 @@ SOFT, WIDE = 4.0, 1e3
 """Sharpness of the vote by patch difference, and width of its Gaussian over patch centres (pixels)."""
 SHARP, NARROW = 8.0, 1.4
 """The same in the last round: only the best patches count, near their centre, since means of many are blurred."""
-PULL, PULL_PX = 0.6, 3.0
-"""Share by which each round but the last brings what it painted back to the guess, of the differences averaged over so many
-pixels (sigma): the guess, a network's, has the structure, patches the texture."""
+PULL = 0.6
+"""Share by which each round but the last brings what it painted back to the guess, but for its detail: the guess, a network's,
+has the structure, patches the texture."""
 BAND = 512
 """Patches per task."""
-DRAWN = 65536
-"""Random numbers drawn per level."""
 
 
 class Search:
@@ -51,7 +49,7 @@ class Search:
         """Colours of the guess in the rows and columns of `box`, of the picture where it is known."""
         self.around = sum_over_patch(touched[self.box].view(np.uint8))[touched[self.box]]
         """N, how many patches cover the pixel at a target's centre."""
-        self.weights, self.random = weights, rng.uniform(-1, 1, (DRAWN, 2))
+        self.weights, self.random = weights, rng.uniform(-1, 1, (65536, 2))
         self.found, self.cost = np.zeros_like(self.targets), np.full(len(self.targets), np.inf, np.float32)
         """N x 2, centre of the matched known patch; N differences of the two."""
         self.patches = kernels.Patches(self.values, self.targets, self.number, self.sources)
@@ -104,7 +102,7 @@ class Search:
         """Bring the hole's colours nearer to the guess, but for their detail."""
         rows, columns = self.pixels.T
         top, left = (side.start for side in self.box)
-        step = cv2.GaussianBlur(self.guess - self.values[self.box][..., :3], (0, 0), PULL_PX)
+        step = cv2.GaussianBlur(self.guess - self.values[self.box][..., :3], (0, 0), 3.0)
         self.values[rows, columns, :3] += PULL * step[rows - top, columns - left]
 
     def _paint(self) -> None:

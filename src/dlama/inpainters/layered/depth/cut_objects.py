@@ -18,19 +18,8 @@ from dlama.geometry.holes import dilate_mask, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import SMOOTH
 
-REACHES = 0.3
-"""Extent out of view of an object without a plane, in square roots of its visible area."""
-STEP, AROUND, DENSE = 1.03, 15, 0.08
-"""Foliage has depth steps of this ratio at a share DENSE of the neighbour pairs in a window of AROUND cells. A window across
-one straight outline has 0.03."""
-TOGETHER = 6
-"""Cells within which two cells of a cut belong together: between leaves and twigs."""
 ONE_OBJECT = 1.6
 """Largest ratio of inverse depths within one cut object."""
-THIN = 8
-"""Cells: an object visible no farther from the cut than this may run along the border, uncut."""
-RIM = 1.1
-"""Radii up to which a circle is drawn, because its rim is single leaves."""
 GAPS = 7
 """Side, in cells, of the square that closes the gaps between leaves."""
 ANGLES = np.linspace(2 * np.arctan(0.5), 3.1, 256)
@@ -71,7 +60,7 @@ def find_cut_objects(
         return CutObjects(beyond, number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
     for here, row, column, radius in cut_parts(w, leaves, cut):
-        inside = np.hypot(rows - row, columns - column) <= RIM * radius
+        inside = np.hypot(rows - row, columns - column) <= 1.1 * radius  # its rim is single leaves
         depths.append(float(np.median(w[here & cut])))
         circles.append((row, column, radius))
         number[here | (inside & ~loose & (depths[-1] > np.array(depths)[number]))] = len(depths) - 1
@@ -80,31 +69,33 @@ def find_cut_objects(
 
 
 def distance_to_unlabelled(loose: BoolArray) -> Float32Array:
-    """h x w cells to the nearest of `loose` (h x w), less the extent of each object (REACHES); 1000 if there is none."""
+    """h x w cells to the nearest of `loose` (h x w), less the extent of each object; 1000 if there is none."""
     if not loose.any():
         return np.full(loose.shape, 1e3, np.float32)
     seen, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
     distance, nearest = nearest_known(loose)
-    reach = REACHES * np.sqrt(area[seen.ravel()[nearest], cv2.CC_STAT_AREA])
+    reach = 0.3 * np.sqrt(area[seen.ravel()[nearest], cv2.CC_STAT_AREA])
     return np.maximum(distance - reach, 0).astype(np.float32)
 
 
 def foliage(w: Float32Array, known: BoolArray) -> BoolArray:
-    """h x w, True where depth steps are dense. w: h x w inverse depth of the `known` cells (h x w)."""
+    """h x w, True where depth steps by 3 % between 8 % of the neighbours in a window of 15 cells; across one straight outline 3 %
+    of them do. w: h x w inverse depth of the `known` cells (h x w)."""
     steps, pairs = np.zeros((2, *w.shape), np.float32)
     depth = np.log(np.where(known, w, 1))
     for ahead, behind in (((slice(1, None),), (slice(-1),)), ((slice(None), slice(1, None)), (slice(None), slice(-1)))):
         both = known[ahead] & known[behind]
         pairs[behind] += both
-        steps[behind] += both & (np.abs(depth[ahead] - depth[behind]) > np.log(STEP))
-    steps, pairs = (cv2.boxFilter(each, -1, (AROUND, AROUND), normalize=False) for each in (steps, pairs))
-    return np.asarray(steps >= DENSE * np.maximum(pairs, 1))
+        steps[behind] += both & (np.abs(depth[ahead] - depth[behind]) > np.log(1.03))
+    steps, pairs = (cv2.boxFilter(each, -1, (15, 15), normalize=False) for each in (steps, pairs))
+    return np.asarray(steps >= 0.08 * np.maximum(pairs, 1))
 
 
 def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tuple[BoolArray, float, float, float]]:
-    """Each cut object that is not THIN: h x w, its known cells within a chord's length of the chord; row and column of the centre
-    and radius, in cells, of the circle whose visible part they are. Arguments: h x w."""
-    part = cv2.connectedComponents(dilate_mask(cut, TOGETHER).astype(np.uint8), connectivity=8)[1]
+    """Each cut object: h x w, its known cells within a chord's length of the chord; row and column of the centre and radius, in
+    cells, of the circle whose visible part they are. Arguments: h x w."""
+    # leaves and twigs 12 cells apart belong together
+    part = cv2.connectedComponents(dilate_mask(cut, 6).astype(np.uint8), connectivity=8)[1]
     own = np.where(leaves, part.ravel()[nearest_known(cut)[1]], 0)
     for number in np.unique(part[cut]):
         left = own == number
@@ -116,7 +107,7 @@ def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tu
             here &= nearest_known(here & cut)[0] <= length
             outwards = np.array([-along[1], along[0]])
             heights = (np.argwhere(here) - middle) @ outwards
-            if np.ptp(heights) < THIN:
+            if np.ptp(heights) < 8:  # it may run along the border, uncut
                 continue
             angle = np.interp(len(heights) / length**2, SHARES, ANGLES)
             radius = float(length / (2 * np.sin(angle)))

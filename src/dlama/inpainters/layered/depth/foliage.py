@@ -20,27 +20,8 @@ from dlama.geometry.view import View
 from dlama.inpainters.layered.depth.cut_objects import GAPS, CutObjects, at_same_depth
 from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, UNDECIDED, quilt
 
-AROUND = 1.4
-"""Radii round the middle of a crown within which its leaves are searched."""
-SOLID, FLAT = 6, 1.01
-"""Side in cells of a square that is no leaf if no ratio of neighbouring depths in it exceeds FLAT."""
-FEW, SHARE_LEFT = 100, 0.1
-"""Least number and share of leaves surrounded by leaves for only those to be copied: others are mixed with the background."""
-BLOCK, SMALLEST = 8, 6
-"""Cells a side of a block, and pixels a side of the smallest: a narrower strip shows no leaves."""
-LEAST_BLOCKS, LEAFY = 8, 0.02
-"""Least number of known blocks; least share of leaves in a block."""
-APART = 0.6
-"""Distance of blocks over their side."""
-TRIED = 24
-"""Known blocks, at random, that are compared for each place."""
-COLOR_SCALE = 80.0
-"""Grey-level difference between two leaves that costs as much as a leaf in place of a gap."""
-RADIAL, UPRIGHT = 2.0, 0.7
-"""Weights of the differences of two blocks in radius and in height: crowns are sparse at the rim."""
-RAGGED, BY_LIGHT = 0.06, 0.7
-"""Mean share of the radius removed at a crown's rim; its variation per standard deviation of leaf-sized bumps and of
-brightness: bright leaves are in front of dark ones."""
+SMALLEST = 6
+"""Pixels a side of the smallest block: a narrower strip shows no leaves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,43 +63,44 @@ class Crown:
         return square(round(cells * self.cell) | 1)
 
     def pure_leaves(self) -> BoolArray:
-        """h x w: known leaves surrounded by leaves; all leaves if those are too few."""
+        """h x w: known leaves surrounded by leaves, since others are mixed with the background; all leaves if those are too
+        few."""
         inner = erode_mask(self.leaf, 1)
-        return inner if inner.sum() > max(FEW, SHARE_LEFT * self.leaf.sum()) else self.leaf
+        return inner if inner.sum() > max(100, 0.1 * self.leaf.sum()) else self.leaf
 
     def quilt(self, state: NDArray[np.int32], known: BoolArray, rng: np.random.Generator) -> bool:
         """Decide `state` (h x w, see `kernels.quilt`) in place from blocks of `known` pixels (h x w); False: too few."""
         side, corners = self.known_blocks(known)
         if not len(corners):
             return False
-        pitch = max(1, int(APART * side))
+        pitch = max(1, int(0.6 * side))  # blocks overlap
         places = np.unique(np.argwhere(state == UNDECIDED) // pitch, axis=0) * pitch - (side - pitch) // 2
         middle = np.clip(places + side // 2, 0, np.array(state.shape) - 1)
         order = np.argsort(nearest_known(self.leaf)[0][tuple(middle.T)], kind="stable")
         first, known_first = (each.astype(np.int32, order="C") for each in (places[order], corners))
-        tried = rng.integers(0, len(corners), (len(first), TRIED)).astype(np.int32)
+        tried = rng.integers(0, len(corners), (len(first), 24)).astype(np.int32)
         bumps = leafy(state.shape, max(1.0, side / 8))
         marks = self.marks(first, side), tried, self.marks(corners, side)
-        quilt(state, as_input(self.color), first, known_first, *marks, side, max(1, side // 8), COLOR_SCALE, bumps)
+        quilt(state, as_input(self.color), first, known_first, *marks, side, max(1, side // 8), 80.0, bumps)
         return True
 
     def known_blocks(self, known: BoolArray) -> tuple[int, NDArray[np.int64]]:
         """Pixels a side, and N x 2 corners (row, column), of blocks of `known` pixels (h x w) with leaves; N = 0: too few."""
-        side = max(SMALLEST, round(BLOCK * self.cell))
+        side = max(SMALLEST, round(8 * self.cell))
         while side >= SMALLEST:
             filled = (cv2.boxFilter(a.astype(np.float32), -1, (side, side), anchor=(0, 0)) for a in (known, self.leaf))
             whole, leaves = (a[: 1 - side, : 1 - side] for a in filled)
             step = max(1, side // 6)
-            corners = np.argwhere(((whole > 1 - 0.5 / side**2) & (leaves > LEAFY))[::step, ::step]) * step
-            if len(corners) >= LEAST_BLOCKS:
+            corners = np.argwhere(((whole > 1 - 0.5 / side**2) & (leaves > 0.02))[::step, ::step]) * step
+            if len(corners) >= 8:
                 return side, corners
             side = side * 2 // 3
         return side, np.zeros((0, 2), np.int64)
 
     def marks(self, corners: NDArray[np.integer], side: int) -> Float32Array:
-        """N x 2 position features by which blocks are compared; corners: N x 2."""
+        """N x 2 weighted radius and height, by which blocks are compared: crowns are sparse at the rim; corners: N x 2."""
         away = (corners + side / 2 - self.circle[:2]) / self.circle[2]
-        return np.stack([RADIAL * np.hypot(*away.T), UPRIGHT * away[:, 0]], 1).astype(np.float32)
+        return np.stack([2.0 * np.hypot(*away.T), 0.7 * away[:, 0]], 1).astype(np.float32)
 
     def depth_inside(self, body: BoolArray) -> Float32Array:
         """h x w distance in pixels to the outside of `body` (h x w), which extends beyond the picture."""
@@ -126,11 +108,14 @@ class Crown:
         return np.asarray(cv2.distanceTransform(grown, cv2.DIST_L2, 5)[1:-1, 1:-1], np.float32)
 
     def rim(self, state: NDArray[np.int32], own: BoolArray) -> Float32Array:
-        """h x w width in pixels of the rim to remove. state: h x w, decided; own: h x w, where the crown extends."""
+        """h x w width in pixels of the rim to remove, narrower where leaves are bright: those are in front of dark ones.
+
+        state: h x w, decided; own: h x w, where the crown extends.
+        """
         light = self.color.reshape(-1, 3)[np.maximum(state, 0)].mean(-1)
         brighter = (light - light[own].mean()) / (light[own].std() + 1)
-        rim = 1 + BY_LIGHT * (leafy(own.shape, self.cell) - brighter)
-        return np.asarray(RAGGED * self.circle[2] * rim, np.float32)
+        rim = 1 + 0.7 * (leafy(own.shape, self.cell) - brighter)
+        return np.asarray(0.06 * self.circle[2] * rim, np.float32)
 
 
 def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> NDArray[np.intp]:
@@ -142,7 +127,7 @@ def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> 
     cell = max(w.shape) / max(cut.number.shape)
     rng = np.random.default_rng(seed)
     for number, circle in enumerate((cut.circle * cell).astype(np.float64)):
-        first, last = (np.clip(circle[:2] + by * AROUND * circle[2], 0, w.shape).astype(np.int64) for by in (-1, 1))
+        first, last = (np.clip(circle[:2] + by * circle[2], 0, w.shape).astype(np.int64) for by in (-1.4, 1.4))
         if number == 0 or (last - first).min() < SMALLEST:
             continue
         box = slice(first[0], last[0]), slice(first[1], last[1])
@@ -161,7 +146,7 @@ def crown(view: View, w: Float32Array, cut: CutObjects, number: int, box: tuple[
     own = (cv2.resize(cut.number, view.camera.wh, interpolation=cv2.INTER_NEAREST) == number)[box]
     hole, kind, w = view.hole[box], view.hole_type[box], w[box]
     known = ~hole & at_same_depth(w, depth)
-    leaf = morphological_close(own, square(round(GAPS * cell) | 1)) & known & ~solid(w, known, round(SOLID * cell) | 1)
+    leaf = morphological_close(own, square(round(GAPS * cell) | 1)) & known & ~solid(w, known, round(6 * cell) | 1)
     unseen, hidden = (hole & (kind == each) for each in (HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED))
     circle = cut.circle[number] * cell - (box[0].start, box[1].start, 0)
     behind = ~hole & ~leaf & (w < depth)
@@ -171,7 +156,7 @@ def crown(view: View, w: Float32Array, cut: CutObjects, number: int, box: tuple[
 def solid(w: Float32Array, known: BoolArray, side: int) -> BoolArray:
     """h x w, True in squares of `side` pixels without steps of depth. w: h x w inverse depth of the `known` pixels (h x w)."""
     least, most = cv2.erode(np.where(known, w, 0), square(3)), cv2.dilate(w, square(3))
-    return morphological_open(known & (most < FLAT**2 * least), square(side))
+    return morphological_open(known & (most < 1.01**2 * least), square(side))
 
 
 def leafy(hw: tuple[int, ...], size: float) -> Float32Array:

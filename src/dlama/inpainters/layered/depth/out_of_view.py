@@ -24,8 +24,6 @@ from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.kernels.lines import Cells, Directions, Found, line_rows
 
-UPRIGHT = 0.5
-"""Least sine of the angle between a plane's normal and up for the plane to have horizontals of its own."""
 LEVEL = 0.8
 """Least cosine of the angle between a plane's normal and the camera's vertical for the plane to be ground."""
 FOLLOWED = 0.01
@@ -34,9 +32,8 @@ LPIPS of street s03 is 2 % higher (s05 unchanged), and on worlds depth out of vi
 STRIDE, STRIDE_ACROSS = 2, 4
 """Sampling step, in cells, of the lines along the horizontals, and across."""
 CONTINUED_COST = 0.5
-"""Cost, per log(1 + t / T), of a plane continued over t cells along its horizontals and visible over T."""
-CONTINUED_ACROSS_COST = 1.0
-"""The same across them, where nothing is visible along: an eave is narrow."""
+"""Cost, per log(1 + t / T), of a plane continued over t cells along its horizontals and visible over T; twice that across them,
+where nothing is visible along: an eave is narrow."""
 MOST_HIDDEN = 3.0
 """Largest cost of surfaces hidden by such a plane: log(1 + T / t)."""
 PAST = 2.0
@@ -49,9 +46,8 @@ ENDING_COST = 1.0
 """Largest cost of a surface out of view that should have ended; it grows twice as fast as the cost of distance."""
 CROWN_COST = 3.0
 """Cost of no plane next to foliage that the border cuts: foliage extends as its circle."""
-HORIZON, BEYOND = 1e-3, 0.1
-"""Inverse depth at which planes end: 1 km; where known cells are nearly as far or farther, at this share of their least inverse
-depth (1st percentile). Beyond is horizon."""
+HORIZON = 1e-3
+"""Inverse depth at which planes end: 1 km."""
 CUT_CELLS = 3
 """A plane with so many known cells next to the hole out of view is cut by the border."""
 
@@ -80,9 +76,10 @@ class CoarseCells:
 
     @cached_property
     def horizon(self) -> float:
-        """Inverse depth (1/m) at which planes end."""
+        """Inverse depth (1/m) at which planes end: where known cells are nearly as far as HORIZON or farther, a tenth of
+        theirs."""
         known = self.inverse_depth[~self.hole & (self.inverse_depth > 0)]
-        return min(HORIZON, BEYOND * float(np.quantile(known, 0.01))) if known.size else HORIZON
+        return min(HORIZON, 0.1 * float(np.quantile(known, 0.01))) if known.size else HORIZON
 
     @cached_property
     def near_unseen(self) -> BoolArray:
@@ -174,7 +171,7 @@ def follow_lines(
         few_cost[k] = np.where(there, CONTINUED_COST * np.log1p(farther), PAST * ends)
         others = enlarge_like(other_first[k - 2], ends), enlarge_like(other_length[k - 2], ends)
         nothing = ~there & ~ends & (first[k - 2] < 0)
-        across_it = CONTINUED_ACROSS_COST * np.log1p(np.maximum(others[0], 1) / np.maximum(others[1], 1))
+        across_it = 2 * CONTINUED_COST * np.log1p(np.maximum(others[0], 1) / np.maximum(others[1], 1))
         few_cost[k] += nothing * np.where(others[1] > 0, across_it, PAST * (others[0] < 0))
         hides = there * np.minimum(np.log1p(1 / farther), MOST_HIDDEN)
         np.maximum(hidden, hides * (IN_FRONT * few[0] < value), out=hidden)
@@ -285,7 +282,7 @@ def vanishing_points(
     normal = normals(planes, camera)
     up = estimate_up(normal, cells)
     direction = np.cross(normal, up)
-    upright = np.linalg.norm(direction, axis=1) > UPRIGHT
+    upright = np.linalg.norm(direction, axis=1) > 0.5  # by 30 degrees
     main = direction[upright][cells[upright].argmax()] if upright.any() else np.cross(up, [0.0, 0.0, 1.0])
     direction = np.where(upright[:, None], direction, main)
     K = matrix_of_cells(camera)

@@ -22,22 +22,8 @@ from dlama.inpainters.layered.depth.out_of_view import (
     normals,
 )
 
-SMOOTHING = 2.0
-"""Sigma, in cells, of the blur of a plane's mask whose gradient is normal to its outline."""
-SAME = 1.06
-"""Least ratio of inverse depths of known cells beyond a plane."""
-SEEN_PAST = 0.05
-"""Share of such cells, over the plane's own, from which the plane ends: nothing lies beyond the ground."""
 WIDE = 5
 """Side, in cells, of the square that a hole next to a plane must hold to be a dis-occlusion; smaller ones are sensor holes."""
-LEAST_CELLS = 30
-"""Least number of outline cells."""
-AGREEING = np.radians(4.0)
-"""Sigma of the angle between the outline and a direction."""
-LEAST_AGREEING = 0.4
-"""Least share of the outline along the two directions. Table tops have .48 to .73, seats and fragments below .35."""
-TURNS = 90
-"""Number of tried directions, over a right angle."""
 
 
 def align_lines_to_edges(lines: PlaneLines, cells: CoarseCells) -> PlaneLines:
@@ -49,8 +35,8 @@ def align_lines_to_edges(lines: PlaneLines, cells: CoarseCells) -> PlaneLines:
     for k in np.flatnonzero(level):
         there = morphological_close(~hole & (cells.label == k + 1), square(WIDE))
         cut = there & cells.near_unseen & ~hole
-        beyond = ~hole & (SAME * w < cells.candidates[k + 2])
-        if cut.sum() < CUT_CELLS or beyond.sum() < SEEN_PAST * there.sum():
+        beyond = ~hole & (1.06 * w < cells.candidates[k + 2])
+        if cut.sum() < CUT_CELLS or beyond.sum() < 0.05 * there.sum():  # nothing lies beyond the ground
             continue
         # where the picture's border cuts a plane it has no outline
         outline = there & ~cells.near_unseen & dilate_mask(beyond | morphological_open(hole & ~unseen, square(WIDE)), 1)
@@ -71,21 +57,21 @@ def edge_directions(
     there: h x w, the cells of the plane; outline: h x w, those at its end; normal: 3, unit, camera axes.
     """
     rows, columns = np.nonzero(outline)
-    if len(rows) < LEAST_CELLS:
+    if len(rows) < 30:
         return None
-    blurred = cv2.GaussianBlur(there.astype(np.float32), (0, 0), SMOOTHING)
+    blurred = cv2.GaussianBlur(there.astype(np.float32), (0, 0), 2.0)
     slope = np.stack([cv2.Sobel(blurred, cv2.CV_32F, *way)[rows, columns] for way in ((1, 0), (0, 1))], 1)
     across = np.asarray(slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9), np.float32)
     first = np.cross(normal, [0.0, 0.0, 1.0] if abs(normal[2]) < 0.9 else [1.0, 0.0, 0.0])
     first /= np.linalg.norm(first)
     second = np.cross(normal, first)
-    turn = np.arange(TURNS)[:, None] * (np.pi / 2 / TURNS)
+    turn = np.arange(90)[:, None] * (np.pi / 2 / 90)
     one, other = np.cos(turn) * first + np.sin(turn) * second, np.cos(turn) * second - np.sin(turn) * first
     K = matrix_of_cells(camera)
     points = np.stack([one @ K.T, other @ K.T], 1)
     score = np.maximum(*(agreement(points[:, k], rows, columns, across) for k in (0, 1))).mean(1)
     best = int(score.argmax())
-    return points[best] if score[best] >= LEAST_AGREEING else None
+    return points[best] if score[best] >= 0.4 else None  # table tops have .48 to .73, seats and fragments below .35
 
 
 def agreement(
@@ -94,7 +80,7 @@ def agreement(
     """T x N agreement, 0..1, of an outline at N cells (normals `across`: N x 2, x and y) with T vanishing points (T x 3)."""
     dx, dy = (points[:, k, None] - points[:, 2, None] * a for k, a in ((0, columns), (1, rows)))
     sine = (dx * across[:, 0] + dy * across[:, 1]) / np.maximum(np.hypot(dx, dy), 1e-9)
-    return np.asarray(np.exp(-0.5 * (sine / AGREEING) ** 2))
+    return np.asarray(np.exp(-0.5 * (sine / np.radians(4.0)) ** 2))
 
 
 def straight_across(cut: BoolArray, points: NDArray[np.float64]) -> int:

@@ -39,34 +39,18 @@ GRID = 256
 """Longer side of the coarse grid."""
 ROUNDS = 4
 """Sweeps of belief propagation; more change less than 0.5 % of the labels."""
-SMOOTH_PENALTY = 0.25
-"""Cost of no plane, wherever a plane or the sky is possible."""
 POTTS = 0.1
 """Cost of a border between two surfaces that meet; one with a depth jump costs 1 more."""
 RIM = (0.05, 0.3, 1.0, 3.0)
 """Cost at the rim of a surface that meets the known one, is hidden by it, is hidden sky, is in front of it."""
-IMPOSSIBLE = 50.0
-"""Cost of a surface that cannot be."""
 REACH = 0.05
 """Distance to the last seen pixel of a surface, over the picture's longer side, that costs one full jump."""
 AROUND = 31
 """Width, in cells, of a cell's surroundings."""
-SURROUNDED = 0.3
-"""Least share of the surroundings of a plane that surrounds a cell."""
-RELIEF = 0.06
-"""Largest relief of such a cell over the plane, relative inverse depth, to belong to it: a door, a sill."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
-ORDER_COST = 3.0
-"""Cost of a surface behind a plane that it is never seen behind."""
-OUT_OF_ORDER = 0.02
-"""Largest share of a surface's known cells behind a plane that counts as never: noise, wrong labels."""
-LEAST_CELLS = 50
-"""Least number of known cells that define the order of surfaces."""
 CHORD = 25.0
 """Geometric mean of a solid plane's mean visible runs along rows and columns, in cells, at least."""
-FAR_SAMPLES = 256
-"""Number of far directions that represent a source camera's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +77,8 @@ class CoarseView(CoarseCells):
             between, hidden = continue_between(lines, self, followed, self.removed)
             on, penalty = np.maximum(on, between), penalty + hidden
         penalty += ending_cost(self, followed, self.cut.beyond, REACH * GRID)
-        penalty[0] += SMOOTH_PENALTY
-        penalty[1:] += np.float32(ORDER_COST) * self.out_of_order()
+        penalty[0] += 0.25  # no plane, wherever a plane or the sky is possible
+        penalty[1:] += np.float32(3) * self.out_of_order()
         distance = distances()
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = self.unary_costs(self.allowed(context), distance, penalty)
@@ -120,7 +104,7 @@ class CoarseView(CoarseCells):
         rows, columns = np.nonzero(self.hole)
         values, away = (each[:, rows, columns].astype(np.float64) for each in (self.candidates, distance))
         cost = penalty[:, rows, columns] + (away - away.min(0)) / (REACH * GRID)
-        cost[~allowed[:, rows, columns]] += IMPOSSIBLE
+        cost[~allowed[:, rows, columns]] += 50
         known, w, label = (np.pad(each, 1) for each in (~self.hole, self.inverse_depth, self.label))
         for down, right in ((0, 1), (1, 0), (0, -1), (-1, 0)):
             there = rows + 1 + down, columns + 1 + right
@@ -137,9 +121,7 @@ class CoarseView(CoarseCells):
         shown = np.unique(self.label[~self.hole])
         for number, value in enumerate(self.candidates):
             seen = number == 0 or number - 1 in shown or (number == 1 and context.sky is not None)
-            possible = value > self.horizon if number > 1 else value >= 0
-            if number == 0:
-                possible = value > 0
+            possible = value > self.horizon if number > 1 else (value > 0) | (number == 1)
             out[number] = possible & seen
             if number != 1:
                 depth = np.where(possible, LEEWAY / np.maximum(value, 1e-6), np.inf).astype(np.float32)
@@ -173,11 +155,11 @@ class CoarseView(CoarseCells):
         out = np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)
         for back in range(len(out)):
             seen = ~self.hole & (self.label == back)
-            if seen.sum() < LEAST_CELLS:
+            if seen.sum() < 50:
                 continue
             for front in range(1, len(out)):
                 before = self.candidates[front + 1] > IN_FRONT * self.candidates[back + 1] + self.horizon
-                if front != back and before[seen].mean() < OUT_OF_ORDER:
+                if front != back and before[seen].mean() < 0.02:  # noise, wrong labels
                     out[back] |= before
         return out & self.hole_in_view
 
@@ -215,14 +197,15 @@ class CoarseView(CoarseCells):
         return out
 
     def with_relief(self) -> NDArray[np.int8]:
-        """h x w labels, with cells of no plane that lie nearly on a surrounding plane (a door, a sill) assigned to it."""
+        """h x w labels, with cells of no plane that lie within 6 % of a plane that is most of, and .3 of, their surroundings (a
+        door, a sill) assigned to it."""
         out = self.label.copy()
         loose = ~self.hole & (self.label == SMOOTH) & (self.inverse_depth > 0)
-        most = np.full(self.label.shape, SURROUNDED * AROUND**2, np.float32)
+        most = np.full(self.label.shape, 0.3 * AROUND**2, np.float32)
         for number, value in enumerate(self.candidates[2:], start=1):
             on = (self.label == number) & ~self.hole
             count = cv2.boxFilter(on.astype(np.float32), -1, (AROUND, AROUND), normalize=False)
-            near = loose & (np.abs(value - self.inverse_depth) < RELIEF * self.inverse_depth) & (count > most)
+            near = loose & (np.abs(value - self.inverse_depth) < 0.06 * self.inverse_depth) & (count > most)
             out[near], most[near] = number, count[near]
         return out
 
@@ -257,7 +240,7 @@ def angle_to_far(camera: Camera, law: Law) -> Float32Array:
     nearest = np.full(camera.hw, -1.0)
     for source, measured in law.measured:
         places = np.flatnonzero(np.isposinf(measured))
-        rows, columns = np.divmod(places[:: max(1, len(places) // FAR_SAMPLES)], source.width)
+        rows, columns = np.divmod(places[:: max(1, len(places) // 256)], source.width)
         x, y = (columns + 0.5 - source.cx) / source.fx, (rows + 0.5 - source.cy) / source.fy
         far = np.stack([x, y, np.ones(len(x))], 1) @ source.world_from_cam[:3, :3].T
         far /= np.linalg.norm(far, axis=1, keepdims=True)

@@ -14,8 +14,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 
 CLEAR = 3
 """Majority of nearest known cells on a line, on the plane or behind it, that decides."""
-ENDS = 4
-"""Successive cells behind the plane at which the plane has ended."""
 SAME = 1.06
 """Largest ratio of inverse depths of cells on the plane: doors, sills and panes are."""
 
@@ -107,7 +105,7 @@ def follow_line(
             gone = 0.0
         if verdict == 0 and abs(on - behind) >= CLEAR:
             verdict = 1.0 if on > behind else -1.0
-        if verdict < 0 or (verdict > 0 and gone >= ENDS):
+        if verdict < 0 or (verdict > 0 and gone >= 4):  # so many cells behind the plane: it has ended
             break
     if verdict > 0:
         return first, on
