@@ -233,7 +233,7 @@ class TrainSettings:
             raise InputError(f"data.size is {self.data.size}; {expected} is expected by {net.downsamplings} halvings")
         if not self.name or not all(letter.isalnum() or letter in "-_." for letter in self.name):
             raise InputError(f"name is {self.name!r}; letters, digits, '-', '_' and '.' are expected")
-        unfit = [kind for kind in sorted(self.data.mixture) if self.network.kind.views != SAMPLES[kind].views]
+        unfit = [kind for kind in sorted(self.data.mixture) if self.network.kind.views != SAMPLES[kind]]
         if unfit:
             raise InputError(f"data.mixture has {unfit}, which planes {self.network.planes!r} do not learn from")
 

@@ -102,8 +102,6 @@ class PlaneTransform:
     where the width is transformed, so that every change of layout is a free reshape and never a copy.
     """
 
-    channels: int
-    """Planes that are transformed."""
     width_in: str
     """W x 2m: real rows to real | imaginary."""
     height_in: str
@@ -148,7 +146,7 @@ def plane_transform(g: Graph, x: str, channels: int) -> PlaneTransform:
     two_h, two_m = (g.add("Mul", side, g.ints(2)) for side in (height, half))
     shapes = [(g.ints(channels), two_h, half), (g.ints(2 * channels), height, half), (g.ints(channels), height, two_m)]
     named = [g.add("Concat", g.ints(0), *shape, axis=0) for shape in shapes]
-    return PlaneTransform(channels, width_in, forward, inverse, width_out, *named)
+    return PlaneTransform(width_in, forward, inverse, width_out, *named)
 
 
 def _range(g: Graph, side: str) -> str:

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from dlama.training.data.samples.dataset import case_pair, case_removal, case_vi
 from dlama.training.data.samples.views import PairExample, Samples, ViewExample
 from dlama.training.data.samples.world_views import WorldSet
 from dlama.training.data.samples.worlds import world_pair, world_removal, world_view
-from dlama.training.kinds import SAMPLES
 from dlama.training.settings import TrainSettings
 
 LOG = logging.getLogger("dlama")
@@ -60,6 +59,30 @@ class Mixture:
         """One sample of one of the kinds."""
         number = min(int(np.searchsorted(self.thresholds, rng.random(), "right")), len(self.sources) - 1)
         return self.sources[number].sample(index % len(self.sources[number]), rng)
+
+
+Example = Callable[..., ViewExample | PairExample]
+
+
+class SampleKind(NamedTuple):
+    """What samples of a kind are made of."""
+
+    cases: CaseProtocol | None = None
+    """The protocol of the dataset's cases that samples can be made of,"""
+    of_case: Example | None = None
+    """and what makes an example of one."""
+    of_world: Example | None = None
+    """What makes an example of a procedural world, with photos of the data as textures: of all where there is no case, else of
+    the share that is `data.cases` less than 1."""
+
+
+KINDS = {
+    "world": SampleKind(of_world=world_view),
+    "frame": SampleKind("vpi", case_view),
+    "removal": SampleKind("ori", case_removal, world_removal),
+    "stereo": SampleKind("sii", case_pair, world_pair),
+}
+"""Those of `kinds.SAMPLES`."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +125,8 @@ def usage_summary(found: TrainingData, settings: TrainSettings) -> str:
     counts = {"photos": len(found.photos)} | {words: len(found.of(protocol)) for protocol, words in CASES.items()}
     parts = [", ".join(f"{count} {words}" for words, count in counts.items() if count)]
     for kind in sorted(settings.data.mixture):
-        if SAMPLES[kind].cases and SAMPLES[kind].worlds:
-            share = settings.data.cases if found.of(SAMPLES[kind].cases) else 0.0
+        if KINDS[kind].of_case and KINDS[kind].of_world:
+            share = settings.data.cases if found.of(KINDS[kind].cases) else 0.0
             parts.append(f"{share:.0%} of kind '{kind}' are made of them, {1 - share:.0%} of worlds")
     return "; ".join(parts)
 
@@ -128,7 +151,7 @@ def find_training_data(path: Path) -> TrainingData:
 
 def select_useful(found: Mapping[Path, TrainingData], kinds: set[str]) -> TrainingData:
     """The photos and cases that samples of these kinds are made of. InputError where a folder has none."""
-    protocols, has_worlds = {SAMPLES[kind].cases for kind in kinds}, any(SAMPLES[kind].worlds for kind in kinds)
+    protocols, has_worlds = {KINDS[kind].cases for kind in kinds}, any(KINDS[kind].of_world for kind in kinds)
     photos: list[Path] = []
     cases: list[Case] = []
     for path, own in found.items():
@@ -143,32 +166,22 @@ def select_useful(found: Mapping[Path, TrainingData], kinds: set[str]) -> Traini
 def _describe(path: Path, found: TrainingData) -> str:
     """A folder, what it has, and the kinds of samples that are made of it."""
     has = [words for protocol, words in CASES.items() if found.of(protocol)] or ["photos"]
-    kinds = [name for name, kind in SAMPLES.items() if (found.of(kind.cases) if found.cases else kind.worlds)]
+    kinds = [name for name, kind in KINDS.items() if (found.of(kind.cases) if found.cases else kind.of_world)]
     return f"`data` {path} ({', '.join(has)}); a mixture with {' or '.join(kinds)} is expected"
 
 
 def _check_use(kinds: set[str], found: Mapping[Path, TrainingData]) -> None:
     """Refuse kinds without their files."""
     for kind in sorted(kinds):
-        if not SAMPLES[kind].worlds and not any(one.of(SAMPLES[kind].cases) for one in found.values()):
+        if not KINDS[kind].of_world and not any(one.of(KINDS[kind].cases) for one in found.values()):
             named = ", ".join(map(str, found)) or "no file"
             raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but `data` names {named}")
 
 
-Example = Callable[..., ViewExample | PairExample]
-EXAMPLES: dict[str, tuple[Example | None, Example | None]] = {
-    "world": (None, world_view),
-    "frame": (case_view, None),
-    "removal": (case_removal, world_removal),
-    "stereo": (case_pair, world_pair),
-}
-"""What makes an example of each kind in `kinds.SAMPLES`: of a dataset's case, and of a world."""
-
-
 def samples_of(kind: str, settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
     """Samples of one kind: of dataset cases by the share `data.cases` where there are any, the rest of worlds."""
-    of_case, of_world = EXAMPLES[kind]
-    cases, parts = found.of(SAMPLES[kind].cases), dict[str, tuple[SampleSource, float]]()
+    protocol, of_case, of_world = KINDS[kind]
+    cases, parts = found.of(protocol), dict[str, tuple[SampleSource, float]]()
     if of_case is not None and cases:
         example = functools.partial(of_case, cases, settings.data.size)
         parts["cases"] = Samples(example, len(cases), settings.network), settings.data.cases

@@ -19,7 +19,7 @@ from dlama.training.loop.checkpointing import checkpoint_of, random_state, set_r
 from dlama.training.loop.module import TrainingModule, rate_factor
 from dlama.training.loop.run_files import LAST, SHEETS, MetricsTable
 from dlama.training.loop.validation import metric_names, outputs_of, scores_of, write_sheet
-from dlama.training.losses.terms import DISCRIMINATOR_TERMS, used_terms
+from dlama.training.losses.terms import used_terms
 from dlama.training.settings import TrainSettings
 from dlama.workers.memory import peak_mib
 
@@ -257,11 +257,7 @@ def columns(settings: TrainSettings) -> list[str]:
     """Columns of metrics.csv behind step, samples and seconds: speed, the terms that have a weight, norms, held-out metrics."""
     terms = [*used_terms(settings.loss, settings.network), "gradient_norm"]
     if settings.loss.uses_discriminator:
-        penalty = settings.loss.gradient_penalty > 0
-        terms += [
-            *(name for name in DISCRIMINATOR_TERMS if penalty or name != "gradient_penalty"),
-            "discriminator_norm",
-        ]
+        terms += ["discriminator", *["gradient_penalty"] * (settings.loss.gradient_penalty > 0), "discriminator_norm"]
     return [*SPEED, *terms, *(f"held_out_{name}" for name in metric_names(settings.network))]
 
 

@@ -113,10 +113,8 @@ def write_data(run: Path, data: Sequence[Path]) -> None:
 
 
 def read_data(run: Path) -> list[Path]:
-    """The folders that a run began with. FileError; of a run of an earlier version, which has no such file, none."""
+    """The folders that a run began with. FileError."""
     path = run / DATA
-    if not path.is_file():
-        return []
     found = json_value(str(path), json_text(path))
     if not isinstance(found, list) or not all(isinstance(one, str) for one in found):
         raise FileError(f"{path}: is {found!r}; a list of folders is expected")

@@ -124,7 +124,6 @@ GENERATOR_TERMS: dict[str, Callable[[LossInputs], Tensor]] = {
 }
 """Each without its weight, in the order they are computed and added; those called depth_ are of networks whose output has depth.
 A new term is an entry here and its weight in `LossSettings`."""
-DISCRIMINATOR_TERMS = ("discriminator", "gradient_penalty")
 
 
 def used_terms(weights: LossSettings, network: NetworkSettings) -> list[str]:
