@@ -107,7 +107,9 @@ class _Part:
         """In the report's order."""
         protocol, name = self.place.protocol, f"{PROTOCOLS[self.place.protocol]} on {self.place.dataset}"
         if protocol == "vpi" and self.yaws:
-            yield Section(f"{protocol}-whole", name, self.whole_text(), self.whole_tables())
+            compared = any(yaw in PAPER_MASK_RATIO for yaw in self.yaws)
+            whole = f"{_WHOLE_TEXT} The paper's numbers: {PAPER_SOURCE}" if compared else _WHOLE_TEXT
+            yield Section(f"{protocol}-whole", name, whole, self.whole_tables())
             yield Section(f"{protocol}-unseen", f"{name}: unseen", _HIDDEN_TEXT, self.hidden_tables())
         else:
             yield Section(f"{protocol}-regions", name, _REGION_TEXT, self.removal_tables())
@@ -118,36 +120,29 @@ class _Part:
         if more:
             yield Section(f"{protocol}-more", f"{name}: artifacts and variants", "", tables=more)
 
-    def whole_text(self) -> str:
-        """With the source of the paper's numbers, where they are compared with ours."""
-        source = f" The paper's numbers: {PAPER_SOURCE}" if any(yaw in PAPER_MASK_RATIO for yaw in self.yaws) else ""
-        return _WHOLE_TEXT + source
-
     def whole_tables(self) -> tuple[Table, ...]:
         """The recipes against each other, then the paper's tables: a row a yaw and method."""
         both, signs = ([yaw for yaw in self.yaws if (yaw[0] in "+-") == own] for own in (False, True))
         tables = by_yaw(self.place, WHOLE, self.methods, both, "Whole pictures")
         by_sign = by_yaw(self.place, WHOLE, self.methods, signs, "Whole pictures, each sign by itself")
-        return _drop_missing([self._paired_table(PAPER_SHAPE), tables, _fold(by_sign)])
+        return _drop_missing(self._paired_table(PAPER_SHAPE), tables, _fold(by_sign))
 
     def hidden_tables(self) -> tuple[Table, ...]:
         """By yaw, and all regions over all yaws."""
         both = [yaw for yaw in self.yaws if yaw[0] not in "+-"]
         table = by_yaw(self.place, PER_YAW_HIDDEN, self.methods, both, "Unseen pixels")
-        return (*_drop_missing([self._paired_table(PER_YAW_HIDDEN), table]), *self.region_tables())
+        return _drop_missing(self._paired_table(PER_YAW_HIDDEN), table, *self.region_tables())
 
     def removal_tables(self) -> tuple[Table, ...]:
         """The recipes against each other in the mask, then all regions."""
         found = {which[0] for which in self.measured}
         chosen = REMOVAL if "mask" in found else tuple(("unseen", *which[1:]) for which in REMOVAL)
-        return (*_drop_missing([self._paired_table(chosen)]), *self.region_tables())
+        return _drop_missing(self._paired_table(chosen), *self.region_tables())
 
-    def region_tables(self) -> tuple[Table, ...]:
+    def region_tables(self) -> Iterator[Table | None]:
         """Regions that were hidden, and those that were not; all yaws together."""
-        regions = {"Hidden regions": HIDDEN, "Known regions": KNOWN}
-        return _drop_missing(
-            [side_by_side(self.place, self._interesting(own), self.methods, title) for title, own in regions.items()]
-        )
+        for title, regions in (("Hidden regions", HIDDEN), ("Known regions", KNOWN)):
+            yield side_by_side(self.place, self._interesting(regions), self.methods, title)
 
     def more_tables(self) -> tuple[Table, ...]:
         """What is neither of a common metric nor of the method as named."""
@@ -155,7 +150,7 @@ class _Part:
         rest = [which for which in self.measured if which not in shown and which[1] != CONFIDENCE]
         different = variants(self.place, VARIANT_METRICS, "Variants: another mask, another dilation")
         others = side_by_side(self.place, rest, self.methods, "All other measures")
-        return _drop_missing([different, _fold(others)])
+        return _drop_missing(different, _fold(others))
 
     def _interesting(self, regions: Sequence[str]) -> list[Which]:
         return [which for which in list_columns(regions, INTEREST) if which in self.measured]
@@ -164,7 +159,7 @@ class _Part:
         return paired_comparison(self.rows, self.place.protocol, self.place.dataset, chosen, self.seed)
 
 
-def _drop_missing(tables: Sequence[Table | None]) -> tuple[Table, ...]:
+def _drop_missing(*tables: Table | None) -> tuple[Table, ...]:
     return tuple(table for table in tables if table is not None)
 
 

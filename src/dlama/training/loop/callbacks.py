@@ -91,14 +91,12 @@ class StopRequest:
 
     def is_requested(self, trainer: pl.Trainer) -> bool:
         """Whether any process was asked to stop."""
-        reasons = [self._signal, int(time.monotonic() >= self.deadline)]
-        if trainer.world_size > 1:
-            shared = torch.tensor(reasons, dtype=torch.int32, device=trainer.strategy.root_device)
-            torch.distributed.all_reduce(shared, torch.distributed.ReduceOp.MAX)
-            reasons = [int(each) for each in shared]
-        if any(reasons):
-            self.reason = signal.Signals(reasons[0]).name if reasons[0] else TIME_IS_UP
-        return any(reasons)
+        own = [self._signal, int(time.monotonic() >= self.deadline)]
+        everyone = torch.tensor(own, dtype=torch.int32, device=trainer.strategy.root_device)
+        number, late = trainer.strategy.reduce(everyone, reduce_op="max").tolist()
+        if number or late:
+            self.reason = signal.Signals(number).name if number else TIME_IS_UP
+        return bool(number or late)
 
     def _handle(self, number: int, frame: Any) -> None:
         self._signal = number
@@ -242,15 +240,13 @@ class RunCallback(pl.Callback):
 
 def run_in_first(trainer: pl.Trainer, write: Callable[[], object]) -> str | None:
     """Write in the first process; what went wrong there, in all processes: they continue, or end, together. None: nothing."""
-    failed: list[str | None] = [None]
+    failed: str | None = None
     if trainer.is_global_zero:
         try:
             write()
         except (OSError, DlamaError) as error:
-            failed = [str(error)]
-    if trainer.world_size > 1:
-        torch.distributed.broadcast_object_list(failed, src=0)
-    return failed[0]
+            failed = str(error)
+    return trainer.strategy.broadcast(failed)
 
 
 def columns(settings: TrainSettings) -> list[str]:
