@@ -5,9 +5,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import nbformat
 import pytest
-
-nbformat = pytest.importorskip("nbformat", reason="notebooks are read with nbformat: pip install 'dlama[test]'")
 
 NOTEBOOKS = sorted((Path(__file__).parent.parent / "examples").glob("*.ipynb"))
 

@@ -7,14 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from depth_export import export_depth
 from dlama.errors import FileError
 from dlama.models.network_file import NetworkFile
 from dlama.perception.depth_networks import DepthContract, predict
 from dlama.perception.monocular import SHIPPED
-
-pytest.importorskip("onnx", reason="writing an ONNX file needs onnx: pip install 'dlama[onnx]'")
-
-from depth_export import export_depth
 
 
 def test_the_file_that_ships_is_the_published_one_at_any_multiple_of_16(data_dir: Path, tmp_path: Path) -> None:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import onnx
 import pytest
 
 from dlama.errors import FileError
 from dlama.evaluation.metrics.lpips import NETWORK
-
-onnx = pytest.importorskip("onnx", reason="writing an ONNX file needs onnx: pip install 'dlama[onnx]'")
-pytest.importorskip("torch")
-
-from lpips_export import export_lpips  # noqa: E402
+from lpips_export import export_lpips
 
 
 def test_the_shipped_file_is_what_the_export_makes(weights_dir: Path, tmp_path: Path) -> None:

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
+import onnxruntime
 import pytest
 
-onnx = pytest.importorskip("onnx", reason="reading the pipeline needs onnx: pip install 'dlama[onnx]'")
-onnxruntime = pytest.importorskip("onnxruntime")
-
-import migan_export  # noqa: E402
-from dlama.inpainters import model_file  # noqa: E402
-from dlama.inpainters.networks.engine import open_engine  # noqa: E402
+import migan_export
+from dlama.inpainters import model_file
+from dlama.inpainters.networks.engine import open_engine
 
 FED, GIVES = "/Concat_23_output_0", "/model/synthesis/b512/Add_1_output_0"
 """Of the published graph: what its generator takes (0.5 = keep, -0.5 = fill; known colour in -1..1) and gives (-1..1)."""

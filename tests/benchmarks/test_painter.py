@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import pytest
+import torch
 
 from dlama.inpainters import model_file
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("onnx")
-
-from painter_crops import compressed, write_pack  # noqa: E402
-from painter_data import GUIDES, LARGE_SIDE, SIDE, Crops, decoded, read_pack  # noqa: E402
-from painter_network import Generator, Run, Weights  # noqa: E402
+from painter_crops import compressed, write_pack
+from painter_data import GUIDES, LARGE_SIDE, SIDE, Crops, decoded, read_pack
+from painter_network import Generator, Run, Weights
 
 SHIPPED = model_file("migan")
 CPU = torch.device("cpu")

@@ -6,7 +6,6 @@ import importlib
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from click_photos import innermost_pixel, largest_region
 from clicks import Click
@@ -16,7 +15,6 @@ SCRIPTS = sorted(path.stem for path in (Path(__file__).parents[2] / "benchmarks"
 
 def test_every_script_is_imported() -> None:
     """Oracle: the package: each name that a script imports is there."""
-    pytest.importorskip("pytorch_lightning", reason="some need it: pip install 'dlama[train]'")
     assert len(SCRIPTS) > 40
     for name in SCRIPTS:
         importlib.import_module(name)

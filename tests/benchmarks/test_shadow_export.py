@@ -5,17 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
+import torch
 
 from dlama.errors import ShapeError
 from dlama.models.network_file import NetworkFile
-
-torch = pytest.importorskip("torch")
-onnx = pytest.importorskip("onnx")
-
-from dlama.perception.masks.click_network import SIDE, network  # noqa: E402
-from shadow_export import OBJECT, export_shadow, read_shadow  # noqa: E402
-from shadow_net import SHADOW_MULTIPLE, ShadowNet  # noqa: E402
+from dlama.perception.masks.click_network import SIDE, network
+from shadow_export import OBJECT, export_shadow, read_shadow
+from shadow_net import SHADOW_MULTIPLE, ShadowNet
 
 
 def small_network() -> ShadowNet:

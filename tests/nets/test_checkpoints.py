@@ -6,15 +6,16 @@ import warnings
 
 import numpy as np
 import pytest
+import torch
 
 from dlama.errors import FileError
 from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings
 from dlama.nets.checkpoints import read_generator
+from dlama.nets.generator import Discriminator, generator_from_state
 from dlama.nets.safetensors_file import write_safetensors
 
 SMALL = GeneratorSettings(width=8, blocks=1)
 SPLIT, NOTHING = "model.4.ffc.convl2{}.weight", np.zeros((0, 32, 3, 3), np.float32)
-NEEDS_TORCH = "writing a torch file needs torch: pip install 'dlama[train]'"
 
 
 def _same(state, other) -> None:
@@ -41,10 +42,9 @@ class Callback:
 
 def test_official_lightning_checkpoint(tmp_path, random_state):
     """Oracle: the same weights; built as the published file is, with everything a trainer of 2021 leaves in it."""
-    torch = pytest.importorskip("torch", reason=NEEDS_TORCH)
-    state = random_state(SMALL)
+    state, judge = random_state(SMALL), Discriminator(DiscriminatorSettings(3, 8, 3)).state_dict()
     tensors = {f"generator.{name}": torch.from_numpy(array) for name, array in state.items()}
-    tensors |= {f"discriminator.{name}": tensor for name, tensor in _judge(torch).items()}
+    tensors |= {f"discriminator.{name}": tensor for name, tensor in judge.items()}
     tensors["loss_resnet_pl.impl.conv1.weight"] = torch.full((2, 2), float("nan"))
     contents = {
         "epoch": 40, "global_step": 1000, "pytorch-lightning_version": "1.2.9", "state_dict": tensors,
@@ -61,17 +61,8 @@ def test_official_lightning_checkpoint(tmp_path, random_state):
     )
 
 
-def _judge(torch):
-    from dlama.nets.generator import Discriminator
-
-    torch.manual_seed(3)
-    return Discriminator(DiscriminatorSettings(3, 8, 3)).state_dict()
-
-
 def test_torchscript_archive(tmp_path, random_state):
     """Oracle: the same weights; names under model.generator, as in the archive everybody passes around."""
-    torch = pytest.importorskip("torch", reason=NEEDS_TORCH)
-    from dlama.nets.generator import generator_from_state
 
     class Model(torch.nn.Module):
         def __init__(self) -> None:
@@ -131,7 +122,6 @@ def test_half_precision_is_converted_and_said(tmp_path, random_state):
     for name, array in halves.items():
         assert weights.state[name].dtype == (np.float32 if array.dtype == np.float16 else np.int64)
         np.testing.assert_array_equal(weights.state[name], array)
-    torch = pytest.importorskip("torch", reason=NEEDS_TORCH)
     brains = {name: torch.from_numpy(array).bfloat16() if array.ndim else torch.from_numpy(array)
               for name, array in state.items()}  # fmt: skip
     torch.save(brains, tmp_path / "w.pth")

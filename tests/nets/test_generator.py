@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
-
-from dlama.errors import ShapeError  # noqa: E402
-from dlama.nets.architecture import (  # noqa: E402
+from dlama.errors import ShapeError
+from dlama.nets.architecture import (
     DiscriminatorSettings,
     GeneratorSettings,
     generator_shapes,
 )
-from dlama.nets.generator import Discriminator, FourierUnit, Generator, generator_from_state  # noqa: E402
+from dlama.nets.generator import Discriminator, FourierUnit, Generator, generator_from_state
 
 
 def test_generator_agrees_with_the_published_code(generator_vector):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
-
-from dlama.errors import ShapeError  # noqa: E402
-from dlama.nets.architecture import GeneratorSettings, settings_from_state  # noqa: E402
-from dlama.nets.checkpoints import widen  # noqa: E402
-from dlama.nets.generator import generator_from_state  # noqa: E402
+from dlama.errors import ShapeError
+from dlama.nets.architecture import GeneratorSettings, settings_from_state
+from dlama.nets.checkpoints import widen
+from dlama.nets.generator import generator_from_state
 
 SMALL = GeneratorSettings(width=8, blocks=1)
 

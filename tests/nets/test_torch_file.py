@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from dlama.errors import FileError
 from dlama.nets.torch_file import TorchFile
@@ -38,7 +39,6 @@ class Exploit:
 
 def test_an_exploit_is_inert_and_the_weights_next_to_it_are_read(tmp_path):
     """Oracle: the marker file; and the guard can fail: the standard unpickler runs the very same object."""
-    torch = pytest.importorskip("torch", reason="writing a torch file needs torch: pip install 'dlama[train]'")
     marker = tmp_path / "ran"
     weights = torch.rand(3, 4)
     contents = {"state_dict": {"generator.w": weights}, "callbacks": {Exploit: Exploit(marker)}, "epoch": 3}
@@ -168,7 +168,6 @@ def test_deep_and_circular_objects_end(tmp_path):
 @pytest.mark.parametrize("kind", ["float64", "float16", "bfloat16", "int64", "uint8", "bool"])
 def test_every_dtype_comes_back(tmp_path, kind):
     """Oracle: torch's own numbers."""
-    torch = pytest.importorskip("torch", reason="writing a torch file needs torch: pip install 'dlama[train]'")
     tensor = (torch.rand(3, 5) * 9).to(getattr(torch, kind))
     torch.save({"w": tensor.T, "p": torch.nn.Parameter(tensor.float())}, tmp_path / "w.pth")
     file = TorchFile(tmp_path / "w.pth")
@@ -179,7 +178,6 @@ def test_every_dtype_comes_back(tmp_path, kind):
 
 def test_a_module_that_was_pickled_whole_is_read(tmp_path):
     """Oracle: the module's own state dict; its class is never imported."""
-    torch = pytest.importorskip("torch", reason="writing a torch file needs torch: pip install 'dlama[train]'")
     net = torch.nn.Sequential(torch.nn.Conv2d(2, 3, 1), torch.nn.BatchNorm2d(3))
     torch.save(net, tmp_path / "net.pth")
     file = TorchFile(tmp_path / "net.pth")
@@ -208,7 +206,6 @@ def test_pickles_that_no_checkpoint_has_are_refused(tmp_path: Path, pickled: byt
 
 def test_tied_weights_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: round trip of two tensors that share a storage, with a third between them in name; the entries that are read."""
-    torch = pytest.importorskip("torch", reason="writing a torch file needs torch: pip install 'dlama[train]'")
     weights = torch.rand(100, 100)
     torch.save({"a": weights, "aa": torch.zeros(3), "b": weights.T}, tmp_path / "tied.pt")
     file, entry, entries = TorchFile(tmp_path / "tied.pt"), TorchFile._entry, []

@@ -12,6 +12,7 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.worlds.raycast import shape_rows as k
 from dlama.worlds.world import World
+from worlds import rays_of
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,7 @@ class Traced:
 
 def trace(world: World, camera: Camera, without: int = -1, through: np.ndarray | None = None) -> Traced:
     """First hits; `without`: a group that is not there; `through` (H x W): the group that each pixel does not see."""
-    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    rays = np.stack([*np.meshgrid(x, y), np.ones(camera.hw)], -1) @ camera.world_from_cam[:3, :3].T
+    rays = rays_of(camera)
     eye = np.broadcast_to(camera.world_from_cam[:3, 3], rays.shape)
     depth, number = np.full(camera.hw, np.inf), np.full(camera.hw, -1)
     for n, row in enumerate(world.shapes):

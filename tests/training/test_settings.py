@@ -8,9 +8,13 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+import torch
 
 from dlama.errors import FileError, InputError
+from dlama.nets.generator import Generator
+from dlama.training.data.sources import KINDS
 from dlama.training.kinds import PLANES, SAMPLES, Planes
+from dlama.training.loop.run_files import refuse_changes
 from dlama.training.presets import PRESETS, from_json, settings_of, to_json
 from dlama.training.settings import DataSettings, LoopSettings, LossSettings, NetworkSettings, TrainSettings
 
@@ -87,8 +91,6 @@ def test_an_unknown_name_lists_the_presets():
 
 def test_kinds_are_whole():
     """Oracle: the other places that know a kind by its name; a kind that is missing in one of them is seen here."""
-    from dlama.training.data.sources import KINDS
-
     assert set(get_args(Planes)) == set(PLANES) and list(KINDS) == list(SAMPLES)
     for planes in PLANES.values():
         assert f"({planes.inputs} planes in" in planes.description and f" {planes.outputs} out)" in planes.description
@@ -106,9 +108,6 @@ def test_old_settings_files_still_load():
 
 def test_budgets_of_the_presets():
     """Oracle: the sizes the presets were asked to have, and torch's own count of parameters."""
-    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
-    from dlama.nets.generator import Generator
-
     small = PRESETS["small-rgbd"].settings.network
     assert 4.5e6 < small.parameters < 5.5e6
     assert all(PRESETS[name].settings.network.parameters < 1e6 for name in ("tiny", "mini-rgbd", "mini-stereo"))
@@ -121,8 +120,6 @@ def test_budgets_of_the_presets():
 
 def test_resuming_with_other_settings_is_refused():
     """Oracle: law; the loop's rhythm may change, the loss may not."""
-    from dlama.training.loop.run_files import refuse_changes
-
     had = TrainSettings()
     refuse_changes(had, replace(had, loop=replace(had.loop, steps=7, log_every=1)))
     with pytest.raises(InputError, match=r"loss.perceptual is 1.0, the run to resume has 30.0"):

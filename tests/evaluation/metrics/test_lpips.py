@@ -37,7 +37,6 @@ def test_frozen_values(name: str) -> None:
 @pytest.mark.parametrize("name", ["box blur", "grey depth", "smallest"])
 def test_distance_and_map_agree_with_the_twin(name: str, weights_dir: Path) -> None:
     """The twin, live: the number, the map, and the mean of the map."""
-    pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
     a, b = pair(name)
     expected, expected_map = lpips_twin.lpips(weights_of(weights_dir), a, b)
     assert FROZEN[name] == pytest.approx(expected, abs=2e-5)
@@ -58,7 +57,6 @@ def noise_in_a_box() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 def test_a_region_is_the_mean_of_the_map_with_the_truth_pasted_outside(weights_dir: Path) -> None:
     """The twin on pictures pasted by hand."""
-    pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
     mine, truth, region, pasted = noise_in_a_box()
     expected = lpips_twin.lpips(weights_of(weights_dir), pasted, truth)[1][region].mean()
     assert lpips(mine, truth, region) == pytest.approx(expected, abs=1e-3)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from skimage.metrics import mean_squared_error, peak_signal_noise_ratio, structural_similarity
 
 from dlama.errors import ShapeError
 from dlama.evaluation.metrics.pictures import (
@@ -25,19 +26,17 @@ MINE = np.clip(TRUTH + RNG.normal(0, 30, TRUTH.shape), 0, 255).astype(np.uint8)
 
 def test_whole_ssim_is_scikit_images_own_number() -> None:
     """Somebody else's code, called as everybody calls it: uint8, its defaults, data_range and channel_axis."""
-    skimage = pytest.importorskip("skimage.metrics", reason="the comparison needs scikit-image")
-    theirs = skimage.structural_similarity(TRUTH, MINE, data_range=255, channel_axis=2)
+    theirs = structural_similarity(TRUTH, MINE, data_range=255, channel_axis=2)
     assert region_ssim(ssim_map(TRUTH, MINE), None) == pytest.approx(theirs, abs=1e-12)
-    plane = skimage.structural_similarity(TRUTH[..., 1], MINE[..., 1], data_range=255)
+    plane = structural_similarity(TRUTH[..., 1], MINE[..., 1], data_range=255)
     assert region_ssim(ssim_map(TRUTH[..., 1], MINE[..., 1]), None) == pytest.approx(plane, abs=1e-12)
 
 
 def test_mse_and_psnr_are_scikit_images() -> None:
     """Somebody else's code; and 100 levels of one channel of three, by hand."""
-    skimage = pytest.importorskip("skimage.metrics", reason="the comparison needs scikit-image")
     mse = region_mean(mse_map(TRUTH, MINE))
-    assert mse == pytest.approx(skimage.mean_squared_error(TRUTH, MINE), rel=1e-12)
-    assert psnr(mse) == pytest.approx(skimage.peak_signal_noise_ratio(TRUTH, MINE), rel=1e-12)
+    assert mse == pytest.approx(mean_squared_error(TRUTH, MINE), rel=1e-12)
+    assert psnr(mse) == pytest.approx(peak_signal_noise_ratio(TRUTH, MINE), rel=1e-12)
     black, red = np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2, 3), np.uint8)
     red[0, 0, 0] = 100
     np.testing.assert_allclose(mse_map(black, red), [[10000 / 3, 0], [0, 0]])

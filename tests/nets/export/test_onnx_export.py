@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import onnx
+import onnxruntime
 import pytest
+import torch
 
-onnx = pytest.importorskip("onnx", reason="writing an ONNX file needs onnx: pip install 'dlama[onnx]'")
-onnxruntime = pytest.importorskip(
-    "onnxruntime", reason="running an ONNX file needs onnxruntime: pip install 'dlama[onnx]'"
-)
-
-from dlama.errors import OutputError  # noqa: E402
-from dlama.nets.architecture import GeneratorSettings  # noqa: E402
-from dlama.nets.checkpoints import read_generator  # noqa: E402
-from dlama.nets.export.generator import export_onnx, onnx_bytes  # noqa: E402
-from dlama.nets.export.onnx_graph import Graph, plane_transform  # noqa: E402
+from dlama.errors import OutputError
+from dlama.nets.architecture import GeneratorSettings
+from dlama.nets.checkpoints import read_generator
+from dlama.nets.export.generator import export_onnx, onnx_bytes
+from dlama.nets.export.onnx_graph import Graph, plane_transform
+from dlama.nets.generator import generator_from_state
 
 SIZES = [(16, 16), (16, 136), (40, 72), (104, 24)]
 
@@ -46,9 +45,6 @@ def test_the_exported_network_agrees_with_the_published_code(tmp_path, vector_fi
 )
 def test_parity_with_torch_at_every_size(random_state, settings):
     """Oracle: the torch modules in float32; sizes not square, no powers of two, and below the receptive field."""
-    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
-    from dlama.nets.generator import generator_from_state
-
     state = random_state(settings)
     net = generator_from_state(state, settings.activation)
     session = _session(onnx_bytes(settings, state, {}))

@@ -10,17 +10,14 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
+from toy_runs import read_metrics, toy
 
-torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
-pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
-
-from toy_runs import read_metrics, toy  # noqa: E402
-
-from dlama.errors import FileError, OutputError  # noqa: E402
-from dlama.training.loop import callbacks  # noqa: E402
-from dlama.training.loop.checkpointing import read_checkpoint, write_checkpoint  # noqa: E402
-from dlama.training.loop.run_files import LAST, METRICS, SETTINGS, MetricsTable, lock_run  # noqa: E402
-from dlama.training.loop.train import train  # noqa: E402
+from dlama.errors import FileError, OutputError
+from dlama.training.loop import callbacks
+from dlama.training.loop.checkpointing import read_checkpoint, write_checkpoint
+from dlama.training.loop.run_files import LAST, METRICS, SETTINGS, MetricsTable, lock_run
+from dlama.training.loop.train import train
 
 
 class Killed(BaseException):

@@ -12,17 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
+from toy_runs import keep_statistics, read_metrics, toy
 
-torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
-pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
-
-from toy_runs import keep_statistics, read_metrics, toy  # noqa: E402
-
-from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
-from dlama.training.loop.module import TrainingModule  # noqa: E402
-from dlama.training.loop.train import train  # noqa: E402
-from dlama.training.presets import to_json  # noqa: E402
-from dlama.training.settings import TrainSettings  # noqa: E402
+from dlama.training.loop.checkpointing import LAST, read_checkpoint
+from dlama.training.loop.module import TrainingModule
+from dlama.training.loop.train import train
+from dlama.training.presets import to_json
+from dlama.training.settings import TrainSettings
 
 SCRIPT = """
 import sys

@@ -8,38 +8,35 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
+from PIL import Image
+from toy_runs import Four, Spoiled, read_metrics, toy, world_source
 
-torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
-pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
-
-from PIL import Image  # noqa: E402
-from toy_runs import Four, Spoiled, read_metrics, toy, world_source  # noqa: E402
-
-from dlama.apps.cli import main  # noqa: E402
-from dlama.errors import DlamaError, InputError, OutputError  # noqa: E402
-from dlama.files.rasters.depth import read_depth, write_depth_png  # noqa: E402
-from dlama.files.rasters.pictures import write_color  # noqa: E402
-from dlama.geometry.camera import Camera  # noqa: E402
-from dlama.geometry.codes import HoleType, Origin  # noqa: E402
-from dlama.geometry.rgbd import RGBD  # noqa: E402
-from dlama.geometry.view import View  # noqa: E402
-from dlama.inpainters.networks.contract import require_planes  # noqa: E402
-from dlama.inpainters.networks.engine import Engine  # noqa: E402
-from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale  # noqa: E402
-from dlama.nets.checkpoints import read_generator  # noqa: E402
-from dlama.nets.generator import Generator, generator_from_state  # noqa: E402
-from dlama.nets.safetensors_file import write_safetensors  # noqa: E402
-from dlama.training import settings  # noqa: E402
-from dlama.training.data import loader  # noqa: E402
-from dlama.training.kinds import PLANES  # noqa: E402
-from dlama.training.loop import checkpointing, module  # noqa: E402
-from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
-from dlama.training.loop.module import initial_generator, moving_average, update_average  # noqa: E402
-from dlama.training.loop.train import TrainingResult, train  # noqa: E402
-from dlama.training.loop.validation import hole_metrics, telea  # noqa: E402
-from dlama.training.presets import PRESETS  # noqa: E402
-from marks import first_quick  # noqa: E402
-from worlds import Box, Plane, World  # noqa: E402
+from box_frame import WORLD
+from dlama.apps.cli import main
+from dlama.errors import DlamaError, InputError, OutputError
+from dlama.files.rasters.depth import read_depth, write_depth_png
+from dlama.files.rasters.pictures import write_color
+from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType, Origin
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
+from dlama.inpainters.networks.contract import require_planes
+from dlama.inpainters.networks.engine import Engine
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale
+from dlama.nets.checkpoints import read_generator
+from dlama.nets.generator import Generator, generator_from_state
+from dlama.nets.safetensors_file import write_safetensors
+from dlama.training import settings
+from dlama.training.data import loader
+from dlama.training.kinds import PLANES
+from dlama.training.loop import checkpointing, module
+from dlama.training.loop.checkpointing import LAST, read_checkpoint
+from dlama.training.loop.module import initial_generator, moving_average, update_average
+from dlama.training.loop.train import TrainingResult, train
+from dlama.training.loop.validation import hole_metrics, telea
+from dlama.training.presets import PRESETS
+from marks import first_quick
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +70,7 @@ def test_tiny_leaves_everything_a_user_needs(tiny_run):
 def test_tinys_network_fills_a_view_from_the_command_line(tiny_run, tmp_path):
     """`dlama view --filler joint --model run/tiny.onnx`. Oracle: torch with the run's safetensors on the planes of the view
     that was written, its hole emptied again; nothing is left open, and meta.json names the file."""
-    scene = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
-    rgbd = scene.rgbd(Camera.from_fov(64, 64, 60))
+    rgbd = WORLD.rgbd(Camera.from_fov(64, 64, 60))
     write_color(tmp_path / "image.png", rgbd.color)
     write_depth_png(tmp_path / "depth.png", rgbd.depth)
     words = ["--fov", "60", "--yaw", "15", "--filler", "joint", "--model", str(tiny_run.network), "--also", "hole"]

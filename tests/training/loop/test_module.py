@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
-import pytest
+import torch
+from toy_runs import toy
 
-torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
-pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
-
-from toy_runs import toy  # noqa: E402
-
-from dlama.training.loop.module import Guard, TrainingModule  # noqa: E402
+from dlama.training.loop.module import Guard, TrainingModule
 
 
 def test_r1_every_fourth_step_is_four_times_as_strong():

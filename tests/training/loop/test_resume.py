@@ -8,18 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
+from toy_runs import Exploit, read_metrics, toy, world_source
 
-torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
-pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
-
-from toy_runs import Exploit, read_metrics, toy, world_source  # noqa: E402
-
-from dlama.errors import FileError, InputError, OutputError  # noqa: E402
-from dlama.training.data.loader import NumberedSamples, batch_loader, batch_numbers  # noqa: E402
-from dlama.training.loop import callbacks  # noqa: E402
-from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402  # noqa: E402
-from dlama.training.loop.module import TrainingModule  # noqa: E402
-from dlama.training.loop.train import train  # noqa: E402
+from dlama.errors import FileError, InputError, OutputError
+from dlama.training.data.loader import NumberedSamples, batch_loader, batch_numbers
+from dlama.training.loop import callbacks
+from dlama.training.loop.checkpointing import LAST, read_checkpoint
+from dlama.training.loop.module import TrainingModule
+from dlama.training.loop.train import train
 
 
 class Restless(TrainingModule):

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+import torch
 
-torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
-
-from dlama.nets.architecture import DiscriminatorSettings  # noqa: E402
-from dlama.nets.generator import Discriminator  # noqa: E402
-from dlama.training.losses import terms  # noqa: E402
-from dlama.training.losses.terms import GENERATOR_TERMS, LossInputs, generator_terms  # noqa: E402
-from dlama.training.settings import LossSettings, NetworkSettings  # noqa: E402
+from dlama.nets.architecture import DiscriminatorSettings
+from dlama.nets.generator import Discriminator
+from dlama.training.losses import terms
+from dlama.training.losses.terms import GENERATOR_TERMS, LossInputs, generator_terms
+from dlama.training.settings import LossSettings, NetworkSettings
 
 NOTHING = LossSettings(**dict.fromkeys(GENERATOR_TERMS, 0.0))
 """No term has a weight."""

@@ -8,21 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from toy_runs import world_source
 
-torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
-
-from toy_runs import world_source  # noqa: E402
-
-from dlama.errors import ShapeError  # noqa: E402
-from dlama.evaluation.metrics.lpips import distance, features  # noqa: E402
-from dlama.nets.architecture import DiscriminatorSettings  # noqa: E402
-from dlama.nets.generator import Discriminator  # noqa: E402
-from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
-from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
-from dlama.training.loop.validation import hole_metrics, metric_names, telea  # noqa: E402
-from dlama.training.losses import perceptual, pixels, terms  # noqa: E402
-from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
-from dlama.training.losses.terms import (  # noqa: E402
+from dlama.errors import ShapeError
+from dlama.evaluation.metrics.lpips import distance, features
+from dlama.nets.architecture import DiscriminatorSettings
+from dlama.nets.generator import Discriminator
+from dlama.nets.safetensors_file import read_safetensors
+from dlama.training.data.batches import check_sample, composite, hole_planes, pictures
+from dlama.training.loop.validation import hole_metrics, metric_names, telea
+from dlama.training.losses import perceptual, pixels, terms
+from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture
+from dlama.training.losses.terms import (
     GENERATOR_TERMS,
     LossInputs,
     discriminator_input,
@@ -30,7 +28,7 @@ from dlama.training.losses.terms import (  # noqa: E402
     generator_terms,
     used_terms,
 )
-from dlama.training.settings import LossSettings, NetworkSettings  # noqa: E402
+from dlama.training.settings import LossSettings, NetworkSettings
 
 VECTORS = Path(__file__).parents[2] / "data" / "lama_vectors" / "discriminator_ndf8_n3.safetensors"
 RGB = NetworkSettings("rgb")
