@@ -98,10 +98,11 @@ def _copy(
     response: Any, sink: IO[bytes], done: int, total: int | None, size: int | None, progress: Progress | None
 ) -> int:
     """Bytes of the file that lie on the disk afterwards; `done` of `total` lie there before."""
-    for piece in _pieces(response, total):
+    most = LONGEST if size is None else size
+    while piece := _next_piece(response, total):
         done += len(piece)
-        if done > (LONGEST if size is None else size):
-            raise Unusable(f"too long: more than {LONGEST if size is None else size} bytes came")
+        if done > most:
+            raise Unusable(f"too long: more than {most} bytes came")
         with _disk_errors(Path(sink.name)):
             sink.write(piece)
         if progress:
@@ -109,18 +110,14 @@ def _copy(
     return done
 
 
-def _pieces(response: Any, total: int | None) -> Iterator[bytes]:
-    """The body as it comes; ends early where the connection does."""
-    while True:
-        try:
-            piece = response.read(PIECE)
-        except (http.client.IncompleteRead, ConnectionError, TimeoutError):
-            if total is None:
-                raise _BrokeOff("broke off; the server did not announce the file's length") from None
-            return
-        if not piece:
-            return
-        yield piece
+def _next_piece(response: Any, total: int | None) -> bytes:
+    """Of the body; empty where that ends, or the connection does."""
+    try:
+        return bytes(response.read(PIECE))
+    except (http.client.IncompleteRead, ConnectionError, TimeoutError):
+        if total is None:
+            raise _BrokeOff("broke off; the server did not announce the file's length") from None
+        return b""
 
 
 def _announced(url: str, response: Any, start_at: int, size: int | None) -> tuple[int, int | None]:

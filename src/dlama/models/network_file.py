@@ -20,7 +20,7 @@ from weakref import WeakSet
 import numpy as np
 
 from dlama.arguments import check_count, check_word
-from dlama.errors import DlamaError, FileError, InputError, first_line, import_extra, system_errors
+from dlama.errors import FileError, InputError, any_error, import_extra, system_errors
 from dlama.models.verify import sha256_of
 from dlama.writing.unchanged import while_unchanged
 
@@ -82,33 +82,24 @@ class NetworkFile:
     def session(self) -> Any:
         """The onnxruntime session. FileError where the file is no ONNX network."""
         _OPEN.add(self)
-        try:
+        mend = "`dlama models convert FILE -o FILE.onnx` makes one of a checkpoint"
+        with any_error(FileError, f"{self.path}: cannot be opened as an ONNX network; {mend}"):
             session = self._onnxruntime_session()
-            vars(self)["running_on"] = short_name(
-                session.get_providers()[0]
-            )  # it is known when the session is closed, too
+            # it is known when the session is closed, too
+            vars(self)["running_on"] = short_name(session.get_providers()[0])
             return session
-        except DlamaError:
-            raise
-        except Exception as error:  # their errors share no base class of their own
-            raise FileError(
-                f"{self.path}: cannot be opened as an ONNX network ({first_line(error)}); "
-                "`dlama models convert FILE -o FILE.onnx` makes one of a checkpoint"
-            ) from error
 
     def _onnxruntime_session(self) -> Any:
-        os.environ.setdefault(
-            "ORT_DISABLE_TELEMETRY", "1"
-        )  # from 1.29 on it reports model files and runs to its makers
+        # from 1.29 on it reports model files and runs to its makers
+        os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
         ort = import_extra("onnxruntime", "running a network", "onnxruntime", "onnx")
         options = ort.SessionOptions()
         options.intra_op_num_threads = self.threads
         options.log_severity_level = 3
         options.enable_mem_pattern = self.memory_pattern
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # its threads wait: a fifth less work
-        return ort.InferenceSession(
-            str(self.path), options, providers=self._choose_providers(ort.get_available_providers())
-        )
+        providers = self._choose_providers(ort.get_available_providers())
+        return ort.InferenceSession(str(self.path), options, providers=providers)
 
     def _choose_providers(self, installed: list[str]) -> list[str]:
         if self.provider is not None and PROVIDERS[self.provider] not in installed:
@@ -160,11 +151,9 @@ class NetworkFile:
 
     def run_all(self, feed: dict[str, np.ndarray]) -> list[np.ndarray]:
         """All outputs, in the order of `outputs`; FileError as `run`."""
-        try:
+        sizes = {name: array.shape for name, array in feed.items()}
+        with any_error(FileError, f"{self.path}: failed on {sizes}"):
             return [np.asarray(one) for one in self.session.run(None, feed)]
-        except Exception as error:
-            sizes = {name: array.shape for name, array in feed.items()}
-            raise FileError(f"{self.path}: failed on {sizes} ({first_line(error)})") from error
 
 
 def short_name(provider: str) -> str:

@@ -202,7 +202,7 @@ def _swap(draft: Path, target: Path) -> None:
         except OSError:
             old.rename(target)
             raise
-        _move_what_is_missing(old, target)
+        _move_into(old, target, replace=False)
 
 
 def _place_inside(draft: Path, target: Path) -> None:
@@ -211,7 +211,7 @@ def _place_inside(draft: Path, target: Path) -> None:
     draft.rename(whole)
     with hold(whole):
         try:
-            _move_into(whole, target)
+            _move_into(whole, target, replace=True)
         except OSError:
             remove(whole)
             raise
@@ -221,24 +221,25 @@ def _finish_interrupted(target: Path) -> None:
     """What runs that were killed while they placed a directory left undone, and their drafts."""
     for old in find_abandoned(target.parent, OLD, target.name):
         if target.exists():
-            _move_what_is_missing(old, target)
+            _move_into(old, target, replace=False)
         else:
             old.rename(target)
     for whole in find_abandoned(target, PLACING):
-        _move_into(whole, target)
+        _move_into(whole, target, replace=True)
     remove_abandoned(target.parent)
     remove_abandoned(target)
 
 
-def _move_what_is_missing(old: Path, target: Path) -> None:
-    """Move what `old` holds and `target` does not into `target`, then remove `old`."""
-    for entry in sorted(old.iterdir()):
+def _move_into(source: Path, target: Path, replace: bool) -> None:
+    """Move everything of `source` into `target` by renames, folders of both being merged, and remove `source`; what is in `target`
+    stays unless `replace`."""
+    for entry in sorted(source.iterdir()):
         place = target / entry.name
-        if _is_folder(entry) and _is_folder(place):
-            _move_what_is_missing(entry, place)
-        elif not os.path.lexists(place):
-            entry.rename(place)
-    shutil.rmtree(old, ignore_errors=True)
+        if _is_folder(entry) and place.is_dir():
+            _move_into(entry, place, replace)
+        elif replace or not os.path.lexists(place):
+            entry.replace(place)
+    shutil.rmtree(source, ignore_errors=True)
 
 
 def _refuse_conflicts(draft: Path, target: Path) -> None:
@@ -261,17 +262,6 @@ def _is_movable(draft: Path, target: Path) -> bool:
         if _is_folder(entry) and (draft / entry.name).is_dir() and not _is_movable(draft / entry.name, entry):
             return False
     return True
-
-
-def _move_into(draft: Path, target: Path) -> None:
-    """Everything of `draft` to `target`, by renames only; folders that exist on both sides are merged."""
-    for entry in sorted(draft.iterdir()):
-        place = target / entry.name
-        if entry.is_dir() and place.is_dir():
-            _move_into(entry, place)
-        else:
-            entry.replace(place)
-    draft.rmdir()
 
 
 def _is_folder(path: Path) -> bool:
