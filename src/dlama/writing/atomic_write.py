@@ -231,8 +231,7 @@ def _finish_interrupted(target: Path) -> None:
 
 
 def _move_into(source: Path, target: Path, replace: bool) -> None:
-    """Move everything of `source` into `target` by renames, folders of both being merged, and remove `source`; what is in `target`
-    stays unless `replace`."""
+    """Move all of `source` into `target` by renames, merging folders; what is there stays unless `replace`. Then it is gone."""
     for entry in sorted(source.iterdir()):
         place = target / entry.name
         if _is_folder(entry) and place.is_dir():

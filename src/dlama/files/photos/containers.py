@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -37,11 +37,8 @@ class Xmp:
         return next(iter(self.found.get(name, ())), None)
 
     def number(self, name: str) -> float | None:
-        """The first value as a number; None where there is none, or it is no number."""
-        try:
-            return float(self.found[name][0])
-        except (KeyError, ValueError, IndexError):
-            return None
+        """The first value as a number; None where there is none, or one is no number."""
+        return next(iter(self.numbers(name)), None)
 
     def numbers(self, name: str) -> list[float]:
         """The values of a list property as numbers; empty where one is no number."""
@@ -51,18 +48,14 @@ class Xmp:
             return []
 
 
-@dataclass(frozen=True)
-class Item:
-    """A further picture of a Multi-Picture file."""
-
-    kind: int
-    """Type code of CIPA DC-007: STEREO, ..."""
-    data: bytes
-
-
 def find_xmp(data: bytes) -> list[Xmp]:
     """The XMP packets of a JPEG, the extension as one of them, or of a HEIC file; damaged ones are left out."""
-    return [Xmp(_properties(root)) for root in _roots(data)]
+    return [Xmp(_properties(root.iter())) for root in _roots(data)]
+
+
+def merge_xmp(data: bytes) -> Xmp:
+    """All packets of `find_xmp` as one."""
+    return Xmp(_properties(element for root in _roots(data) for element in root.iter()))
 
 
 def list_container_items(data: bytes) -> list[dict[str, str]]:
@@ -70,19 +63,21 @@ def list_container_items(data: bytes) -> list[dict[str, str]]:
     for root in _roots(data):
         for element in root.iter():
             if element.tag.endswith("}Directory") and "container" in element.tag:
-                lists = (_properties(each) for each in element.iter(f"{RDF}li"))
+                lists = (_properties(each.iter()) for each in element.iter(f"{RDF}li"))
                 return [{name.partition("}")[2]: values[0] for name, values in one.items() if values} for one in lists]
     return []
 
 
-def list_further_pictures(data: bytes) -> list[Item]:
-    """The pictures after the first of a Multi-Picture JPEG; empty for other files. struct.error: its index is damaged."""
+def list_further_pictures(data: bytes) -> list[tuple[int, bytes]]:
+    """Type code (CIPA DC-007: STEREO, ...) and bytes of the pictures after the first of a Multi-Picture JPEG; empty for other
+    files. struct.error: its index is damaged."""
     base, order, tags = _multi_picture(data)
     entries = tags.get(0xB002, b"")  # MP Entry
     entry = struct.Struct(order + "IIIHH")  # attribute, size, offset, two numbers of dependent pictures
     listed = entry.iter_unpack(entries[: len(entries) // entry.size * entry.size])
-    places = [(kind & 0xFFFFFF, base + offset, size) for kind, size, offset, *_ in listed if offset]
-    return [Item(kind, data[at : at + size]) for kind, at, size in places]
+    return [
+        (kind & 0xFFFFFF, data[base + offset : base + offset + size]) for kind, size, offset, *_ in listed if offset
+    ]
 
 
 def find_baseline(data: bytes) -> float | None:
@@ -128,10 +123,10 @@ def _roots(data: bytes) -> Iterator[ElementTree.Element]:
                 yield ElementTree.fromstring(packet[begin : packet.find(b"</x:xmpmeta>", begin) + 12 or end + 1])
 
 
-def _properties(root: ElementTree.Element) -> dict[str, list[str]]:
+def _properties(elements: Iterable[ElementTree.Element]) -> dict[str, list[str]]:
     """`{namespace}name` -> values: attributes, texts of elements, and the entries of rdf:Seq, rdf:Bag and rdf:Alt in them."""
     found: dict[str, list[str]] = {}
-    for element in root.iter():
+    for element in elements:
         for name, value in element.attrib.items():
             found.setdefault(name, []).append(value.strip())
         if element.text and element.text.strip() and not element.tag.startswith(RDF):

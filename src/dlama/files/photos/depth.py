@@ -22,12 +22,12 @@ from dlama.files.cameras import focal_of_film
 from dlama.files.photos.containers import (
     JPEG_BEGINS,
     STEREO,
-    Item,
     Xmp,
     find_baseline,
     find_xmp,
     list_container_items,
     list_further_pictures,
+    merge_xmp,
 )
 from dlama.files.photos.stereo import match_stereo_photo
 from dlama.files.rasters.color_profiles import rgb_to_srgb
@@ -114,7 +114,7 @@ def _of_heic(file: Path, data: bytes, opened: Any, hw: tuple[int, int]) -> Photo
     orientation = int(opened.info.get("original_orientation") or 1)
     if orientation >= 5 and (codes.shape[0] > codes.shape[1]) != (opened.size[1] > opened.size[0]):
         codes = apply_orientation(codes, orientation)  # of a writer that turns the picture alone
-    packet = _apple_packet(find_xmp(data))
+    packet = _apple_packet(data)
     if packet is not None:
         return _of_apple(codes, packet, orientation, hw, "HEIC, Apple")
     kind = HEIF_KINDS.get(metadata.get("representation_type", -1)) if metadata else None
@@ -127,19 +127,18 @@ def _of_heic(file: Path, data: bytes, opened: Any, hw: tuple[int, int]) -> Photo
 def _of_further_picture(file: Path, data: bytes, hw: tuple[int, int]) -> PhotoDepth | None:
     """A JPEG whose depth, or whose other view, follows it in the same file."""
     items, orientation = list_further_pictures(data), orientation_of(file)
-    for item in items:
-        packet = _apple_packet(find_xmp(item.data))
+    for _, one in items:
+        packet = _apple_packet(one)
         if packet is not None:
-            codes = apply_orientation(_decode(file, item.data), orientation)
-            return _of_apple(codes, packet, orientation, hw, "JPEG, Apple")
+            return _of_apple(_decode(file, one), packet, orientation, hw, "JPEG, Apple")
     kinds = (STEREO, 0) if file.suffix.lower() == ".mpo" else (STEREO,)  # some writers leave the type out
-    pair = [item for item in items if item.kind in kinds]
+    pair = [one for kind, one in items if kind in kinds]
     return _of_stereo(file, pair[0], orientation) if pair else None
 
 
-def _apple_packet(packets: list[Xmp]) -> Xmp | None:
+def _apple_packet(data: bytes) -> Xmp | None:
     """The packet of a depth or disparity picture; mattes are called depth too, with a subtype."""
-    for packet in packets:
+    for packet in find_xmp(data):
         kind = packet.text(f"{APDI}AuxiliaryImageType")
         if kind in ("disparity", "depth") and packet.text(f"{APDI}AuxiliaryImageSubType") is None:
             return packet
@@ -183,7 +182,7 @@ def _apple_camera(packet: Xmp, orientation: int, hw: tuple[int, int]) -> Camera 
 
 
 def _of_google(file: Path, data: bytes) -> PhotoDepth | None:
-    merged = _merge(find_xmp(data))
+    merged = merge_xmp(data)
     if (text := merged.text(f"{GDEPTH}Data")) is not None:
         return _of_range(file, base64.b64decode(text), merged, GDEPTH, "GDepth")
     address = merged.text(f"{DYNAMIC}DepthURI")
@@ -202,7 +201,7 @@ def _of_google(file: Path, data: bytes) -> PhotoDepth | None:
 
 def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) -> PhotoDepth:
     """RangeLinear: depth from near (0) to far (1); RangeInverse: 1 / depth from 1 / near (0) to 1 / far (1)."""
-    codes = apply_orientation(_decode(file, picture), orientation_of(file))
+    codes = _decode(file, picture)
     how = packet.text(f"{space}Format") or "RangeInverse"
     near, far = packet.number(f"{space}Near"), packet.number(f"{space}Far")
     if how not in ("RangeInverse", "RangeLinear"):
@@ -220,15 +219,7 @@ def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) 
     return PhotoDepth(values, metre is not None, None, ray, about)
 
 
-def _merge(packets: list[Xmp]) -> Xmp:
-    found: dict[str, list[str]] = {}
-    for packet in packets:
-        for name, values in packet.found.items():
-            found.setdefault(name, []).extend(values)
-    return Xmp(found)
-
-
-def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
+def _of_stereo(file: Path, other: bytes, orientation: int) -> PhotoDepth:
     """Inverse depth of the left picture of a stereo photo (the first), by matching; metres where the file says the baseline."""
     stored = read_stored(file)
     disparity, share = match_stereo_photo(file, srgb_of(stored, file), _read_color(file, other, orientation))
@@ -237,7 +228,7 @@ def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
         **_size(disparity),
         "matched_share": round(share, 4),
     }
-    baseline, farthest = find_baseline(other.data), float(np.percentile(disparity, 1))
+    baseline, farthest = find_baseline(other), float(np.percentile(disparity, 1))
     if baseline and stored.focal_35mm and farthest > 0:
         focal = focal_of_film(stored.focal_35mm, disparity.shape)
         about |= {"baseline_m": baseline, "accuracy": "relative"}
@@ -245,19 +236,19 @@ def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
     return PhotoDepth(np.maximum(disparity - np.float32(farthest - 1), np.float32(0)), False, about=about)
 
 
-def _read_color(file: Path, item: Item, orientation: int) -> UInt8Array:
-    with Image.open(io.BytesIO(item.data), formats=("JPEG",)) as picture:
+def _read_color(file: Path, data: bytes, orientation: int) -> UInt8Array:
+    with Image.open(io.BytesIO(data), formats=("JPEG",)) as picture:
         check_pixels(file, *picture.size)
         color = rgb_to_srgb(np.asarray(picture.convert("RGB")), picture.info.get("icc_profile"), file)
         return apply_orientation(color, orientation)
 
 
 def _decode(file: Path, data: bytes) -> np.ndarray:
-    """The codes of a depth picture, h x w."""
+    """The codes of a depth picture, h x w, turned as the photo is shown."""
     with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
         check_pixels(file, *picture.size)
         codes = np.asarray(picture.convert("L") if picture.mode in ("P", "LA", "RGB", "RGBA", "YCbCr") else picture)
-    return codes.astype(np.uint16) if codes.dtype == np.int32 else codes
+    return apply_orientation(codes, orientation_of(file))
 
 
 def _levels(codes: np.ndarray) -> Float32Array:

@@ -86,18 +86,15 @@ def line_height(size: int) -> int:
 
 
 def wrap_text(text: str, width: float, face: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> list[str]:
-    """The words of a text in lines that fit a width; a word that is too long alone is cut with three dots."""
-    lines: list[str] = []
+    """The words of a text in lines that fit a width, as far as no word is longer."""
+    lines = [""]
     for word in text.split():
-        longer = f"{lines[-1]} {word}" if lines else word
-        if lines and face.getlength(longer) <= width:
+        longer = f"{lines[-1]} {word}".lstrip()
+        if not lines[-1] or face.getlength(longer) <= width:
             lines[-1] = longer
-            continue
-        whole = word
-        while word and face.getlength(word if word == whole else word + "...") > width:
-            word = word[:-1]
-        lines.append(word if word == whole else word + "...")
-    return lines or [""]
+        else:
+            lines.append(word)
+    return lines
 
 
 def place_legend(legend: Sequence[tuple[str, RGB]], width: int) -> list[tuple[str, RGB, int, int]]:

@@ -26,6 +26,11 @@ PARTS = ("accessors", "buffers", "bufferViews", "extensionsUsed", "images", "mat
 """Lists of a document; one without members is left out."""
 
 
+def middle_of(mesh: Mesh) -> Float64Array:
+    """3, metres, of a mesh's box: positions are stored relative to it, so that float32 keeps their precision."""
+    return np.asarray((mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2, np.float64)
+
+
 class Glb:
     """A document, by the names of glTF 2.0, and its binary chunk: one node with one mesh, to which primitives are added."""
 
@@ -76,8 +81,8 @@ class Glb:
         parts["meshes"][0]["primitives"].append(primitive)
 
     def place(self, mesh: Mesh) -> None:
-        """The node and its mesh, without primitives; it stands in the middle of `mesh`, so that float32 keeps its precision."""
-        middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2 * GLTF_FROM_OPENCV
+        """The node and its mesh, without primitives; it stands in the middle of `mesh`."""
+        middle = middle_of(mesh) * GLTF_FROM_OPENCV
         self.document["meshes"] = [{"primitives": []}]
         self.document["nodes"] = [{"name": "scene", "mesh": 0, "translation": middle.tolist()}]
         self.document["scenes"][0]["nodes"] = [0]

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
+from numpy.lib.recfunctions import unstructured_to_structured
 from plyfile import PlyData, PlyElement
 
 from dlama.errors import warn
+from dlama.files.scenes.textured_mesh import average_visible
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.grid_mesh import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
@@ -50,9 +51,7 @@ FIELDS = (
 def write_splats(path: PathLike, rows: np.ndarray) -> None:
     """Write splats, N x len(FIELDS), of `scene_splats`; warns of a far origin. OutputError."""
     warn_of_rounding(path, rows, rows[:, :3].astype("<f4"))
-    vertex = np.empty(len(rows), [(name, "<f4") for name in FIELDS])
-    for number, name in enumerate(FIELDS):
-        vertex[name] = rows[:, number]
+    vertex = unstructured_to_structured(rows, np.dtype([(name, "<f4") for name in FIELDS]))
     with new_file(path) as draft:
         PlyData([PlyElement.describe(vertex, "vertex")], byte_order="<").write(str(draft))
 
@@ -88,13 +87,7 @@ def sheet_splats(sheet: Sheet) -> np.ndarray:
     """N x len(FIELDS): the splats of one of the layers that a source is cut into; its picture's alpha is their opacity."""
     depth, joined = sheet.grid
     rows, columns = (side * sheet.step for side in depth.shape)
-    picture = sheet.picture[:rows, :columns].astype(np.float32)
-    alpha = picture[..., 3:] / 255 if picture.shape[2] == 4 else np.ones((rows, columns, 1), np.float32)
-    seen = cv2.resize(
-        np.concatenate([picture[..., :3] * alpha, alpha], 2), depth.shape[::-1], interpolation=cv2.INTER_AREA
-    )
-    share = seen[..., 3]
-    color = seen[..., :3] / np.maximum(share, 1e-6)[..., None]
+    color, share = average_visible(sheet.picture[:rows, :columns], (depth.shape[1], depth.shape[0]))
     shown = (depth > 0) & (share >= LEAST_SHARE)
     return grid_splats(sheet.layer.camera, (depth * (1 + sheet.behind), joined), shown, color, peak_opacity(share))
 

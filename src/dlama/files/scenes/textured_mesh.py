@@ -99,13 +99,19 @@ def shrink_picture(part: MeshPart, step: int) -> MeshPart:
     if step == 1:
         return part
     rows, columns = (max(side // step, 1) for side in part.picture.shape[:2])
-    alpha = part.picture[..., 3:] / np.float32(255)
-    weighted = np.concatenate([part.picture[..., :3] * alpha, alpha], 2)
-    small = cv2.resize(weighted, (columns, rows), interpolation=cv2.INTER_AREA)
-    color = small[..., :3] / np.maximum(small[..., 3:], np.float32(1e-6))
-    picture = np.rint(np.concatenate([color, small[..., 3:] * 255], 2)).astype(np.uint8)
-    share = np.array([columns / part.picture.shape[1], rows / part.picture.shape[0]])
-    return part._replace(pixels=part.pixels * share, picture=picture)
+    color, share = average_visible(part.picture, (columns, rows))
+    picture = np.rint(np.dstack([color, share * 255])).astype(np.uint8)
+    scale = np.array([columns / part.picture.shape[1], rows / part.picture.shape[0]])
+    return part._replace(pixels=part.pixels * scale, picture=picture)
+
+
+def average_visible(picture: np.ndarray, wh: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """A picture (H x W x 3, or with alpha 4) averaged down to a size: h x w x 3 levels, each counted by its alpha, and the mean
+    alpha, h x w in 0..1."""
+    opacity = picture[..., 3:] if picture.shape[2] == 4 else np.full_like(picture[..., :1], 255)
+    alpha = opacity / np.float32(255)
+    small = cv2.resize(np.concatenate([picture[..., :3] * alpha, alpha], 2), wh, interpolation=cv2.INTER_AREA)
+    return small[..., :3] / np.maximum(small[..., 3:], np.float32(1e-6)), small[..., 3]
 
 
 def bring_near(parts: Sequence[MeshPart], camera: Camera, metres: float) -> list[MeshPart]:

@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image as Pillow
 
 from dlama.errors import OutputError, import_extra
-from dlama.files.scenes.glb import GLTF_FROM_OPENCV
+from dlama.files.scenes.glb import GLTF_FROM_OPENCV, middle_of
 from dlama.files.scenes.textured_mesh import JPEG_QUALITY, pack_parts
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.layers.layered_mesh import MeshPart
@@ -43,7 +43,7 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
     with tempfile.TemporaryDirectory() as made, new_file(path) as draft:
         folder = Path(made)
         stage = usd.Stage.CreateNew(str(folder / "photo.usdc"))
-        middle = middle_of(packed)
+        middle = middle_of(packed[0].mesh) if packed else np.zeros(3)
         set_up_stage(stage, middle)
         for number, part in enumerate(packed):
             name, ending = (f"soft{number}", "png") if part.soft else ("opaque", "jpg")
@@ -64,15 +64,6 @@ def set_up_stage(stage: Any, middle: Float64Array) -> None:
     root = geometry.Xform.Define(stage, ROOT)
     root.AddTranslateOp().Set(tuple((middle * GLTF_FROM_OPENCV).tolist()))
     stage.SetDefaultPrim(root.GetPrim())
-
-
-def middle_of(parts: Sequence[MeshPart]) -> Float64Array:
-    """3, metres: middle of all vertices, to which positions are relative, so that float32 keeps its precision."""
-    vertices = [part.mesh.vertices for part in parts]
-    if not vertices:
-        return np.zeros(3)
-    lows, highs = np.min([one.min(0) for one in vertices], 0), np.max([one.max(0) for one in vertices], 0)
-    return np.asarray((lows + highs) / 2, np.float64)
 
 
 def add_mesh(stage: Any, name: str, part: MeshPart, middle: Float64Array, file: str) -> None:
