@@ -74,7 +74,7 @@ def _read_numbers(path: PathLike, expected: str, *fields: Sequence[str]) -> list
         body = BLOCK_LIST.sub(_as_flow_list, _first_document(text))
         modes = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
         storage = cv2.FileStorage(f"%YAML:1.0\n---\n{body}\n", modes)  # OpenCV's head, which ROS leaves away
-        return [_first_numbers(storage, names) for names in fields]
+        return [next(filter(None, (_numbers(storage.getNode(name)) for name in names)), []) for names in fields]
 
 
 def _rows_of(matrix: Sequence[float]) -> list[list[float]]:
@@ -96,11 +96,6 @@ def _first_document(text: str) -> str:
 
 def _as_flow_list(found: re.Match[str]) -> str:
     return f"{found[1]}: [{', '.join(line.strip()[2:] for line in found[2].splitlines())}]\n"
-
-
-def _first_numbers(storage: cv2.FileStorage, names: Sequence[str]) -> list[float]:
-    """Those of the first of the fields that the file has."""
-    return next(filter(None, (_numbers(storage.getNode(name)) for name in names)), [])
 
 
 def _numbers(node: Any) -> list[float]:

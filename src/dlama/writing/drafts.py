@@ -70,7 +70,10 @@ def lock(path: Path) -> Iterator[bool]:
         with contextlib.suppress(OSError):
             writes = path.is_file() and os.access(path, os.W_OK)  # NFS locks no file that is open to be read
             handle = os.open(path, os.O_RDWR if writes else os.O_RDONLY)
-            free = _is_free(handle)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                free = False
     try:
         yield free
     finally:
@@ -85,14 +88,6 @@ def lock_output(path: Path, place: Path | str) -> Iterator[None]:
         if not free:
             raise OutputError(f"{place}: another run is writing there; wait for it, or give another directory")
         yield
-
-
-def _is_free(handle: int) -> bool:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
 
 def in_a_draft(path: Path) -> bool:

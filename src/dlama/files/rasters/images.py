@@ -258,8 +258,6 @@ def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     elif (mode in ("RGB", "RGBA", "LA") or picture.format == "PPM") and bits_of(picture, file) == 16:
         return decode_16_bits(picture, file, data)  # Pillow keeps the high byte only, and stretches PGM to its range
     values = np.array(picture)
-    if mode == "I" and picture.format == "PNG":  # older Pillow's name for 16-bit grey
-        values = values.astype(np.uint16)
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 

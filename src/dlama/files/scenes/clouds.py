@@ -44,7 +44,12 @@ def read_ply(path: PathLike) -> PointCloud:
     names, in other numbers. Raises FileError.
     """
     file = existing_file(path)
-    vertex = _read_vertices(file)
+    with any_error(FileError, f"{file}: is damaged, truncated or no PLY file"):
+        _check_claims(file)
+        data = PlyData.read(str(file))
+    if "vertex" not in data:
+        raise FileError(f"{file}: has no element 'vertex'")
+    vertex = np.asarray(data["vertex"].data)
     with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN of damaged files; reported below
         points = np.stack([_property(file, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
     color = np.stack([_property(file, vertex, name) for name in COLORS], axis=1)
@@ -64,15 +69,6 @@ def _own_values(vertex: np.ndarray, name: str, largest: float, default: float) -
         if values.dtype.kind in "iuf" and ((values >= 0) & (values <= largest)).all():
             return values
     return np.full(len(vertex), default)
-
-
-def _read_vertices(file: Path) -> np.ndarray:
-    with any_error(FileError, f"{file}: is damaged, truncated or no PLY file"):
-        _check_claims(file)
-        data = PlyData.read(str(file))
-        if "vertex" not in data:
-            raise FileError(f"{file}: has no element 'vertex'")
-        return np.asarray(data["vertex"].data)
 
 
 def _check_claims(file: Path) -> None:
