@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from dlama.arguments import is_finite
 from dlama.errors import CameraError, FileError, any_error, format_size, warn
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array, intrinsics_of
@@ -38,13 +37,10 @@ class FileFields:
 
     def number(self, name: str) -> float:
         """A finite number; raises CameraError."""
-        value, number = self._field(name), math.nan
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            with suppress(OverflowError):  # JSON's whole numbers have no end
-                number = float(value)
-        if not math.isfinite(number):
+        value = self._field(name)
+        if isinstance(value, bool) or not is_finite(value):
             raise CameraError(f"{self.path}: {name} is {_format_value(value)}; a finite number is expected")
-        return number
+        return float(value)
 
     def count(self, name: str) -> int:
         """A whole number >= 1; raises CameraError."""

@@ -154,8 +154,7 @@ def write_depth_png(path: PathLike, depth: Float32Array) -> int:
 def write_depth_exr(path: PathLike, depth: Float32Array) -> None:
     """Write metres as float32 channel Z of an OpenEXR file: far is infinity, missing 0. Raises OutputError."""
     depth = np.asarray(depth, np.float32)
-    nothing = np.isnan(depth)
-    write_exr(path, {"Z": np.where(nothing, np.float32(0), depth) if nothing.any() else depth})
+    write_exr(path, {"Z": np.where(np.isnan(depth), np.float32(0), depth)})
 
 
 def write_disparity_pfm(path: PathLike, disparity: Float32Array) -> None:

@@ -10,7 +10,7 @@ from typing import IO
 
 import numpy as np
 
-from dlama.errors import FileError, first_line, format_size, system_errors
+from dlama.errors import FileError, any_error, format_size, system_errors
 from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
 from dlama.writing.atomic_write import PathLike, write_file
@@ -77,50 +77,47 @@ def read_colmap_depth(path: PathLike) -> Float32Array:
 def read_array(path: PathLike, key: str) -> np.ndarray:
     """The H x W array of an NPY, or of an NPZ: the one called `key`, else the only one. Raises FileError."""
     file = existing_file(path)
-    try:
-        with file.open("rb") as stream:
-            if stream.read(2) != b"PK":
-                stream.seek(0)
-                return plane_of(file, read_npy(stream, file.stat().st_size))
-        with zipfile.ZipFile(file) as archive:
+    with any_error(FileError, f"{file}: is no whole NPY or NPZ file"), file.open("rb") as stream:
+        if stream.read(2) != b"PK":
+            stream.seek(0)
+            return plane_of(file, read_npy(stream, file.stat().st_size, file))
+        with zipfile.ZipFile(stream) as archive:
             parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
             if key not in parts and len(parts) != 1:
                 raise FileError(
                     f"{file}: holds {', '.join(parts)[:200] or 'nothing'}; an array called '{key}' is expected"
                 )
             part = parts[key if key in parts else next(iter(parts))]
-            with archive.open(part) as stream:
-                return plane_of(file, read_npy(stream, part.file_size))
-    except FileError as error:
-        raise error if str(error).startswith(str(file)) else FileError(f"{file}: {error}") from error
-    except MemoryError:
-        raise
-    except Exception as error:  # ValueError, EOFError, BadZipFile, zlib.error, ...
-        raise FileError(f"{file}: is no whole NPY or NPZ file ({first_line(error)})") from error
+            with archive.open(part) as entry:
+                return plane_of(file, read_npy(entry, part.file_size, file))
 
 
-def read_npy(stream: IO[bytes], held: int) -> np.ndarray:
+def read_npy(stream: IO[bytes], held: int, where: PathLike) -> np.ndarray:
     """The array of an NPY of `held` bytes; its header is believed only where it fits them, and bounds what is read.
 
-    FileError: an array of objects, of more than LARGEST_PIXELS x 4 numbers, or of another size than is there; what numpy
-    raises for headers that are none.
+    FileError, which begins with `where`: an array of objects, of more than LARGEST_PIXELS x 4 numbers, or of another size than is
+    there; what numpy raises for headers that are none.
     """
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
-        raise FileError(f"is an NPY of version {version}; 1.0 or 2.0 is expected")
+        raise FileError(f"{where}: is an NPY of version {version}; 1.0 or 2.0 is expected")
     read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, by_columns, dtype = read_header(stream)
     count = math.prod(shape)
     if dtype.hasobject:
-        raise FileError("holds Python objects; numbers are expected")
+        raise FileError(f"{where}: holds Python objects; numbers are expected")
     if min((0, *shape)) < 0 or count > 4 * LARGEST_PIXELS:
-        raise FileError(f"says it holds an array of shape {shape}; at most {4 * LARGEST_PIXELS} numbers are read")
+        raise FileError(
+            f"{where}: says it holds an array of shape {shape}; at most {4 * LARGEST_PIXELS} numbers are read"
+        )
     expected = count * dtype.itemsize
     if expected > held:
-        raise FileError(f"is damaged or truncated ({held} bytes, an array {shape} of {dtype} needs {expected})")
+        raise FileError(
+            f"{where}: is damaged or truncated ({held} bytes, an array {shape} of {dtype} needs {expected})"
+        )
     data = stream.read(expected)
     if len(data) != expected:
-        raise FileError(f"is damaged or truncated ({len(data)} bytes of numbers, {expected} are expected)")
+        raise FileError(f"{where}: is damaged or truncated ({len(data)} bytes of numbers, {expected} are expected)")
     array = np.frombuffer(data, dtype, count)
     return array.reshape(shape[::-1]).T if by_columns else array.reshape(shape)
 

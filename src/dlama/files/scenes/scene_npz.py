@@ -181,7 +181,7 @@ def _arrays_of(archive: zipfile.ZipFile, prefix: str) -> dict[str, np.ndarray]:
         name = part.filename.removesuffix(".npy")
         if name.startswith(prefix) if prefix else not OF_LAYER.match(name):
             with archive.open(part) as stream:
-                arrays[name] = read_npy(stream, part.file_size)
+                arrays[name] = read_npy(stream, part.file_size, name)
     return arrays
 
 
