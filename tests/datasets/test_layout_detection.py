@@ -12,7 +12,7 @@ import pytest
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.datasets.posed.lenses import lens_for
 from dlama.datasets.posed.numbered_frames import numbered_files
-from dlama.datasets.posed.posed_frames import PosedFrame, posed_frame
+from dlama.datasets.posed.posed_frames import FrameFiles, PosedFrame, posed_frame
 from dlama.datasets.posed.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
 from posed_folders import LENS, text_K, text_matrix, truth, write_numbered
@@ -172,8 +172,9 @@ def test_a_tenth_of_a_pair_must_overlap(
 def test_only_pixels_of_the_same_depth_overlap(farther: float, share: float) -> None:
     """Closed form: the same camera twice, whose second reading is 4 % farther, or 6 %; the limit is 5 %."""
     depths = (np.full(LENS.hw, metres, np.float32) for metres in (2.0, 2.0 * farther))
-    walls = [partial(lambda depth: (depth, LENS), depth) for depth in depths]
-    frames = [PosedFrame("s", "", pytest.fail, world_from_cam=np.eye(4), load_depth=wall) for wall in walls]
+    lens = lens_for(Path(), Path(), LENS, (), "")
+    walls = [FrameFiles(("", ""), pytest.fail, partial(np.copy, depth), lens, np.eye(4)) for depth in depths]
+    frames = [PosedFrame("s", "", pytest.fail, files=wall) for wall in walls]
     assert Overlaps(frames).share(0, 1) == share
 
 

@@ -28,7 +28,7 @@ from dlama.datasets.easysynth.text_files import METRIC_HEADER, UNREAL_HEADER, re
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.trajectory_log import read_log
 from dlama.datasets.sequences.loading import open_frames
-from dlama.datasets.text_tables import read_pose
+from dlama.datasets.text_tables import read_matrix
 from dlama.errors import InputError
 from dlama.evaluation.report.panels import choose
 from dlama.evaluation.runner.store import Row, Stored, read_stored, write_stored
@@ -242,7 +242,7 @@ def tables() -> list[Reader]:
         Reader("unreal.csv", unreal, read_poses),
         Reader("metric.csv", metric, read_poses),
         Reader("classes.csv", b"barrel,255,0,0\nwall, 1,2,3\n", read_classes),
-        Reader("pose.txt", pose, read_pose),
+        Reader("pose.txt", pose, read_matrix),
         Reader("log.log", b"0 0 1\n" + pose + b"\n1 1 2\n" + pose, lambda path: read_log(path, 2)),
         Reader("transforms.json", json.dumps(transforms).encode(), read_next_to("transforms.json", pictures, frames_of),
                refused="two or more of one scene are expected"),

@@ -36,7 +36,7 @@ class Layout:
     looked_for: str
     """What distinguishes it from the others, in words."""
     looks_like: Callable[[Path], bool]
-    """Looks at names only."""
+    """Whether a folder, or a file, is such a data set; looks at names only."""
     read: Callable[..., Dataset]
     """`read(root, **options)`; reads listings, no pictures but the depth that pairs are chosen by."""
     options: frozenset[str] = frozenset()
@@ -45,10 +45,6 @@ class Layout:
     """Endings of files that are such a data set by themselves."""
     parts: tuple[str, ...] = ()
     """Names that no other layout has: a folder with one of them that does not fit lacks a part."""
-
-    def fits(self, place: Path) -> bool:
-        """Whether a folder, or a file, is such a data set."""
-        return place.suffix.lower() in self.files if place.is_file() else self.looks_like(place)
 
 
 class SeveralLayoutsError(InputError):
@@ -60,10 +56,15 @@ def _posed(
 ) -> tuple[str, Layout]:
     """A layout of posed frames by its name.
 
-    reader: a file with `looks_like(root)`, which looks at names only (and `is_scene`, where more can be read than is recognised),
-    and `list_frames(folder)`, of which takes_camera says that it has two more parameters, the root and the camera. others:
-    `files` and `parts`.
+    reader: a file with `looks_like(folder)`, which looks at names only (and `is_scene`, where more can be read than is
+    recognised), and `list_frames(place)`, of which takes_camera says that it has two more parameters, the root and the camera.
+    others: `files` and `parts`.
     """
+
+    files = others.get("files", ())
+
+    def fits(is_scene: Callable[[Path], bool]) -> Callable[[Path], bool]:
+        return lambda place: place.suffix.lower() in files if place.is_file() else is_scene(place)
 
     def read(
         root: Path,
@@ -74,14 +75,15 @@ def _posed(
         **reading: Any,
     ) -> Dataset:
         more = (root, camera) if takes_camera else ()
-        is_scene = getattr(reader, "is_scene", reader.looks_like)
-        folders = scene_folders(root, is_scene, looked_for, scenes, others.get("files", ()))
-        listed = {scene: reader.list_frames(place, *more) for scene, place in folders.items()}
-        found = [posed_frames(scene, folders[scene], each, **reading) for scene, each in listed.items()]
+        is_scene = fits(getattr(reader, "is_scene", reader.looks_like))
+        folders = scene_folders(root, is_scene, looked_for, scenes, files)
+        found = [
+            posed_frames(scene, place, reader.list_frames(place, *more), **reading) for scene, place in folders.items()
+        ]
         return posed_dataset(name, root, itertools.chain(*found), limit)
 
     options = {"scenes", "limit", *OF_FRAMES, *(("camera",) if takes_camera else ())}
-    return name, Layout(looked_for, reader.looks_like, read, frozenset(options), **others)
+    return name, Layout(looked_for, fits(reader.looks_like), read, frozenset(options), **others)
 
 
 OF_FRAMES = ("depth_scale", "max_depth", "resize_depth")
@@ -186,7 +188,7 @@ def detect(root: Path) -> str:
     """The name of the layout a folder has; raises InputError that lists what was looked for, SeveralLayoutsError what fits."""
     level = [root]
     for _ in range(LEVELS):
-        found = [name for name, each in LAYOUTS.items() if any(each.fits(place) for place in level)]
+        found = [name for name, each in LAYOUTS.items() if any(map(each.looks_like, level))]
         if len(found) > 1:
             raise SeveralLayoutsError(f"{root}: may be {' or '.join(found)}; say which by `layout=NAME`")
         if found:

@@ -133,11 +133,6 @@ def nearest_in_time(times: Float64Array, time: float, within: float = NEAREST_S)
     return None if best is None or abs(times[best] - time) > within + 5e-7 else best
 
 
-def read_pose(path: Path) -> Float64Array:
-    """A text file with one 4x4 camera-to-world matrix; raises FileError, CameraError."""
-    return pose_at(f"{path}:1:1", read_matrix(path))
-
-
 def scene_folders(
     root: Path,
     holds_frames: Callable[[Path], bool],

@@ -53,9 +53,9 @@ class Kinect:
     """4x4, metres."""
 
 
-def looks_like(root: Path) -> bool:
-    """True for a .mkv file."""
-    return root.suffix.lower() == ".mkv" and root.is_file()
+def looks_like(folder: Path) -> bool:
+    """A recording is a file."""
+    return False
 
 
 def list_frames(path: Path) -> Listed:

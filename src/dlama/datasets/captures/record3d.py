@@ -18,22 +18,16 @@ import numpy as np
 from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import Listed, lidar_frame
-from dlama.datasets.text_tables import pose_of
+from dlama.datasets.text_tables import holds, pose_of
 from dlama.errors import FileError, any_error, format_size, import_extra
 from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.images import check_pixels, picture_of_bytes
 from dlama.geometry.rgbd import UInt8Array
 
-META, INSIDE, SUFFIX = "metadata", "rgbd", ".r3d"
+META, INSIDE = "metadata", "rgbd"
+looks_like = holds(META, INSIDE)
 MOST_BYTES = 2**28
 """Of one member of the file."""
-
-
-def looks_like(root: Path) -> bool:
-    """True for a .r3d file, and for a folder with metadata and rgbd/."""
-    if root.suffix.lower() == SUFFIX and root.is_file():
-        return True
-    return (root / META).is_file() and (root / INSIDE).is_dir()
 
 
 def list_frames(place: Path) -> Listed:

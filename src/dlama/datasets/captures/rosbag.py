@@ -51,9 +51,7 @@ KINDS = (*IMAGES, INFO, TF, "tf/msg/tfMessage", ODOMETRY)
 
 
 def looks_like(root: Path) -> bool:
-    """True for a bag, and for the folder of one of ROS 2."""
-    if root.is_file():
-        return root.suffix.lower() in FILES
+    """True for the folder of a bag of ROS 2."""
     return (root / "metadata.yaml").is_file() and any(path.suffix.lower() in FILES[1:] for path in root.iterdir())
 
 

@@ -47,13 +47,14 @@ def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     inside = folder if (folder / POSES).is_file() else folder / FOLDER
     listed = read_json_fields(inside / POSES)
-    color, depth = _pictures(inside), _depths(inside)
+    colors, depths = _pictures(inside), _depths(inside)
     for name in sorted(listed.values, key=natural_order):
         number = name.rpartition("_")[2]
         if not number.isdecimal():
             raise FileError(f"{listed.path}: field '{name[:40]}' is no frame; names such as frame_000000 are expected")
         fields = listed.part(name, listed.values[name])
-        picture, metres = color(int(number)), depth(int(number))
+        key = _name(int(number))
+        picture, metres = colors.get(key), depths.get(key)
         matrix = None
         with suppress(CameraError):
             matrix = fields.matrix("aligned_pose", (4, 4))
@@ -70,31 +71,31 @@ def list_frames(folder: Path) -> Listed:
             yield name, lidar_frame(names, picture, metres, lens, pose)
 
 
-def _pictures(folder: Path) -> Callable[[int], Callable[[], UInt8Array] | None]:
-    """Number of a frame -> how its picture is read."""
+def _pictures(folder: Path) -> dict[str, Callable[[], UInt8Array]]:
+    """Name of a frame -> how its picture is read."""
     extracted = folder / "rgb"
     if extracted.is_dir():
-        return _reader(extracted, (".jpg", ".png"), read_color_of_camera)
+        return _readers(extracted, (".jpg", ".png"), read_color_of_camera)
     video = next((folder / name for name in VIDEOS if (folder / name).is_file()), None)
     if video is None:
         raise FileError(f"{folder}: has neither rgb/ nor {' nor '.join(VIDEOS)} with the colour pictures")
-    count = len(video_times(video))
-    return lambda number: partial(read_video_frame, video, number) if number < count else None
+    return {_name(number): partial(read_video_frame, video, number) for number in range(len(video_times(video)))}
 
 
-def _reader(folder: Path, suffixes: Sequence[str], read: Callable[[Path], Any]) -> Callable[[int], Any]:
-    """Number of a frame -> how its file in a folder is read; None: it has none."""
-    files = files_by_stem(folder, suffixes)
-    return lambda number: partial(read, files[name]) if (name := f"frame_{number:06d}") in files else None
-
-
-def _depths(folder: Path) -> Callable[[int], Callable[[], Float32Array] | None]:
-    """Number of a frame -> how its depth is read."""
+def _depths(folder: Path) -> dict[str, Callable[[], Float32Array]]:
+    """Name of a frame -> how its depth is read."""
     if (folder / "depth").is_dir():
-        return _reader(folder / "depth", (".png",), read_depth)
+        return _readers(folder / "depth", (".png",), read_depth)
     path = existing_file(folder / "depth.bin")
-    count = len(_blocks(path))
-    return lambda number: partial(depth_of_bin, path, number) if number < count else None
+    return {_name(number): partial(depth_of_bin, path, number) for number in range(len(_blocks(path)))}
+
+
+def _readers(folder: Path, suffixes: Sequence[str], read: Callable[[Path], Any]) -> dict[str, Callable[[], Any]]:
+    return {name: partial(read, path) for name, path in files_by_stem(folder, suffixes).items()}
+
+
+def _name(number: int) -> str:
+    return f"frame_{number:06d}"
 
 
 def depth_of_bin(path: Path, number: int) -> Float32Array:

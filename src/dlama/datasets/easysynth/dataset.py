@@ -56,11 +56,17 @@ def easysynth(root: Path, *, depth_range: float | None = None, removal_object: s
         DepthError: depth_range is needed, or DepthImage is no EXR.
         MaskError: removal_object is no class.
     """
-    root = Path(root)
+    check_folder(root)
+    scenes = sequence_folders(root)
+    if not scenes:
+        raise FileError(
+            f"{root}: holds no EasySynth sequence (CameraRig.json or CameraPoses.csv next to <camera>/ColorImage), no scene "
+            "of such, and no folder of scenes"
+        )
     name = root.resolve().name
     frames: list[PosedFrame] = []
     cases: list[Case] = []
-    for folder, folders in _scenes(root):
+    for folder, folders in scenes:
         scene = folder.resolve().name
         sequences = [read_sequence(each, depth_range) for each in folders]
         frames += [frame for sequence in sequences for frame in _frames(scene, sequence)]
@@ -96,17 +102,6 @@ def orbit_yaw(source: Float64Array, target: Float64Array) -> float | None:
 def _rotation_deg(source: Float64Array, target: Float64Array) -> float:
     """Degrees between the orientations of two 4x4 poses, 0..180."""
     return float(rotation_deg(target[None, :3, :3], source[:3, :3])[0])
-
-
-def _scenes(root: Path) -> list[tuple[Path, list[Path]]]:
-    check_folder(root)
-    found = sequence_folders(root)
-    if not found:
-        raise FileError(
-            f"{root}: holds no EasySynth sequence (CameraRig.json or CameraPoses.csv next to <camera>/ColorImage), no scene "
-            "of such, and no folder of scenes"
-        )
-    return found
 
 
 def _frames(scene: str, sequence: RenderedSequence) -> Iterator[PosedFrame]:
@@ -168,19 +163,16 @@ def _ori(sequence: RenderedSequence, without: RenderedSequence, color: RGB) -> I
 def _sii(
     sequence: RenderedSequence, pair: CameraPair, without: RenderedSequence | None, color: RGB | None
 ) -> Iterator[_Case]:
-    truth = None if without is None else without.pair()
-    if without is not None and truth is None:
-        raise CameraError(f"{without.folder}: is no rectified pair of two cameras, as {sequence.folder} is")
+    truth = None
     if without is not None:
+        truth = without.pair()
+        if truth is None:
+            raise CameraError(f"{without.folder}: is no rectified pair of two cameras, as {sequence.folder} is")
         for camera in sequence.cameras:
             _same_poses(sequence, without, camera)
     left, right = pair
-    for identity in left:
-        without_object = None
-        if truth is not None:
-            if identity not in truth[0]:
-                continue
-            without_object = truth[0][identity], truth[1][identity]
+    for identity in (each for each in left if truth is None or each in truth[0]):
+        without_object = None if truth is None else (truth[0][identity], truth[1][identity])
         load = partial(load_stereo, left[identity], right[identity], without_object, color)
         yield "sii", f"{sequence.folder.resolve().name}-{identity:04d}", load, None
 

@@ -26,7 +26,7 @@ from dlama.datasets.posed.lenses import Lens
 from dlama.datasets.posed.posed_frames import LOG, Listed, files_of
 from dlama.datasets.text_tables import folders_in, natural_order, pose_at, read_rows
 from dlama.errors import CameraError, FileError, any_error
-from dlama.files.fields import FileFields, read_json_fields
+from dlama.files.fields import read_json_fields
 from dlama.files.rasters.depth import read_inverse_depth
 from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Camera, Float64Array
@@ -231,7 +231,9 @@ def list_frames(folder: Path) -> Listed:
         units, color = 1000.0 if depth.suffix == ".png" else 1.0, folder / "images" / image.name
         files = files_of(color, depth, image.lens, image.world_from_cam, units, has_far=True)
         if fitted is not None and depth.suffix == ".png":
-            scale, offset = scale_and_offset(fitted, str(Path(image.name).with_suffix("")))
+            stem = str(Path(image.name).with_suffix(""))
+            fit = fitted.part(stem, fitted.values.get(stem, {"scale": 0, "offset": 0}))
+            scale, offset = fit.number("scale"), fit.number("offset")
             if scale <= 0:
                 yield name, f"without a scale above 0 in {FITTED}"
                 continue
@@ -239,18 +241,9 @@ def list_frames(folder: Path) -> Listed:
         yield name, files
 
 
-def scale_and_offset(fitted: FileFields, name: str) -> tuple[float, float]:
-    """Of a picture's inverse depth (1/m); a scale of 0 where there is none. Raises FileError, CameraError."""
-    if name not in fitted:
-        return 0.0, 0.0
-    one = fitted.part(name, fitted.values[name])
-    return one.number("scale"), one.number("offset")
-
-
 def read_fitted_depth(path: Path, scale: float, offset: float) -> Float32Array:
     """H x W metres of a PNG of inverse depth; +inf where that is not above 0. Raises FileError, DepthError."""
-    w = read_inverse_depth(path) * np.float32(scale / 2**16) + np.float32(offset)
-    return depth_from_inverse(w)
+    return depth_from_inverse(read_inverse_depth(path) * np.float32(scale / 2**16) + np.float32(offset))
 
 
 def depth_of(folder: Path, image: ColmapImage) -> Path | None:

@@ -18,8 +18,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from dlama.datasets.posed.lenses import CameraOption, Lens, lens_for, register_depth
-from dlama.datasets.posed.posed_frames import FrameFiles, Listed, files_of
-from dlama.datasets.text_tables import files_in, read_pose
+from dlama.datasets.posed.posed_frames import Listed, files_of
+from dlama.datasets.text_tables import files_in, pose_at, read_matrix
 from dlama.geometry.motion.poses import invert_pose
 
 DEPTH_LENS = Lens("7-Scenes' published camera", (585.0, 585.0, 320.0, 240.0), 0.0, (480, 640))
@@ -43,10 +43,15 @@ def has_numbered_frames(root: Path) -> bool:
 
 def seven_scenes_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
     """The frames of one sequence of 7-Scenes. Raises FileError, CameraError."""
-    if camera is None:
-        listed = numbered_files(folder, DEPTH_LENS)
-        return ((name, files if isinstance(files, str) else _register(files)) for name, files in listed)
-    return numbered_files(folder, lens_for(folder, root, camera, (), ""))
+    if camera is not None:
+        yield from numbered_files(folder, lens_for(folder, root, camera, (), ""))
+        return
+    for name, files in numbered_files(folder, DEPTH_LENS):
+        if not isinstance(files, str):
+            depth = partial(register_depth, files.depth, DEPTH_LENS, COLOR_LENS, COLOR_FROM_DEPTH)
+            pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
+            files = replace(files, depth=depth, lens=COLOR_LENS, world_from_cam=pose)
+        yield name, files
 
 
 def tsdf_fusion_frames(folder: Path, root: Path, camera: CameraOption) -> Listed:
@@ -79,11 +84,5 @@ def numbered_files(folder: Path, lens: Lens) -> Listed:
             if color is None:
                 yield name, "without a picture"
                 continue
-            yield name, files_of(color, folder / f"{name}.depth.png", lens, read_pose(pose))
-
-
-def _register(files: FrameFiles) -> FrameFiles:
-    """The picture as it is, and the depth moved into the colour camera."""
-    depth = partial(register_depth, files.depth, DEPTH_LENS, COLOR_LENS, COLOR_FROM_DEPTH)
-    pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
-    return replace(files, depth=depth, lens=COLOR_LENS, world_from_cam=pose)
+            at = pose_at(f"{pose}:1:1", read_matrix(pose))
+            yield name, files_of(color, folder / f"{name}.depth.png", lens, at)

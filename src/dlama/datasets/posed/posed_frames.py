@@ -109,18 +109,22 @@ def levels_of_png(path: Path) -> UInt8Array:
 class PosedFrame(Frame):
     """A frame whose pose is known before its pictures are read. All frames of a scene share one world."""
 
-    world_from_cam: Float64Array = field(kw_only=True)
-    """4x4, camera to world, OpenCV axes, metres."""
-    load_depth: Callable[[], tuple[Float32Array, Camera]] = field(kw_only=True)
-    """Reads the depth of `load` (H x W, metres), or a smaller one, and its camera without the colour; picklable."""
-    files: FrameFiles | None = field(default=None, kw_only=True)
-    """Those it is read from, of a folder."""
+    files: FrameFiles = field(kw_only=True)
+
+    @property
+    def world_from_cam(self) -> Float64Array:
+        """4x4, camera to world, OpenCV axes, metres."""
+        return self.files.world_from_cam
+
+    def load_depth(self) -> tuple[Float32Array, Camera]:
+        """The depth as it was recorded (h x w metres), and its camera; the picture is not read where its size is known."""
+        depth = measured_depth(self.files)
+        return depth, _camera(self.files, size_of_picture(self.files), depth.shape)
 
 
 def posed_frame(scene: str, name: str, files: FrameFiles, yaw: float | None = None) -> PosedFrame:
     """A frame whose pixels are read when they are needed."""
-    load, depth = partial(load_rgbd, files), partial(load_depth, files)
-    return PosedFrame(scene, name, load, yaw, world_from_cam=files.world_from_cam, load_depth=depth, files=files)
+    return PosedFrame(scene, name, partial(load_rgbd, files), yaw, files=files)
 
 
 def posed_frames(scene: str, place: Path, listed: Listed, **reading: Any) -> list[PosedFrame]:
@@ -192,12 +196,6 @@ def _padding(files: FrameFiles, hw: tuple[int, ...], small: tuple[int, ...]) -> 
     shown = files.shown()
     check_same_size(f"{files.names[0]}:", hw, "its mask", shown.shape)
     return np.asarray(cv2.resize(shown.astype(np.float32), (small[1], small[0]), interpolation=cv2.INTER_AREA) < 1)
-
-
-def load_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
-    """The depth as it was recorded, and its camera; the picture is not read where its size is known."""
-    depth = measured_depth(files)
-    return depth, _camera(files, size_of_picture(files), depth.shape)
 
 
 def size_of_picture(files: FrameFiles) -> tuple[int, int]:

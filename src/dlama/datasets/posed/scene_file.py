@@ -7,17 +7,18 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed.posed_frames import PosedFrame
+from dlama.datasets.posed.lenses import Lens
+from dlama.datasets.posed.posed_frames import FrameFiles, PosedFrame
 from dlama.datasets.posed.view_pairs import posed_dataset
 from dlama.errors import InputError, warn
 from dlama.files.scenes.scene_npz import read_layer, read_scene
-from dlama.geometry.camera import Camera
 from dlama.geometry.codes import from_source
-from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.rgbd import RGBD
 
 LAYOUT = "scene"
 """What the layout of such a file is called."""
@@ -37,16 +38,13 @@ def scene_file(path: Path, *, limit: int | None = None) -> Dataset:
         )
     if found.has_estimated_depth:
         warn(f"{path}: its depth is estimated from pictures; it is no truth")
-    frames = [
-        PosedFrame(
-            path.stem,
-            name,
-            partial(load_frame, path, place),
-            world_from_cam=found.frames[place].camera.world_from_cam,
-            load_depth=partial(load_frame_depth, path, place),
-        )
-        for place, name in enumerate(found.names)
-    ]
+    frames = []
+    for place, (name, layer) in enumerate(zip(found.names, found.frames)):
+        camera = layer.camera
+        lens = Lens(str(path), (camera.fx, camera.fy, camera.cx, camera.cy), 0.5, camera.hw)
+        color, depth = (partial(part_of_frame, path, place, part) for part in ("color", "depth"))
+        files = FrameFiles((str(path), str(path)), color, depth, lens, camera.world_from_cam, has_far=True)
+        frames.append(PosedFrame(path.stem, name, partial(load_frame, path, place), files=files))
     return posed_dataset(LAYOUT, path, frames, limit)
 
 
@@ -56,7 +54,6 @@ def load_frame(path: Path, place: int) -> RGBD:
     return RGBD(view.color, np.where(from_source(view.origin), view.depth, np.float32(0)), view.camera)
 
 
-def load_frame_depth(path: Path, place: int) -> tuple[Float32Array, Camera]:
-    """Its depth (H x W metres) and camera."""
-    frame = load_frame(path, place)
-    return frame.depth, frame.camera
+def part_of_frame(path: Path, place: int, part: str) -> Any:
+    """Its color or its depth."""
+    return getattr(load_frame(path, place), part)

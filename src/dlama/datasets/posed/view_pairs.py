@@ -44,9 +44,9 @@ class NoPairsError(FileError):
         self.turned = turned
 
 
-def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD], exposure_varies: bool) -> ViewTruth:
+def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD]) -> ViewTruth:
     """Read both frames of a pair."""
-    return ViewTruth(source(), target(), exposure_varies=exposure_varies)
+    return ViewTruth(source(), target(), exposure_varies=True)
 
 
 def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: int | None = None) -> Dataset:
@@ -178,5 +178,5 @@ def _candidates(off: Float64Array, used: list[int]) -> list[int]:
 def pair_case(dataset: str, source: PosedFrame, target: PosedFrame) -> Case:
     """The VPI case from one frame to another; `yaw` is the angle of rotation between them, about any axis."""
     turned = rotation_deg(source.world_from_cam[None, :3, :3], target.world_from_cam[:3, :3])
-    load = partial(load_view, source.load, target.load, True)
+    load = partial(load_view, source.load, target.load)
     return Case("vpi", dataset, source.scene, f"{source.name}_to_{target.name}", load, round(float(turned[0]), 3))

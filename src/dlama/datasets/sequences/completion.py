@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from dlama.completion.start import Plan
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, write_view
 from dlama.datasets.sequences.loading import LoadedScene
-from dlama.datasets.sequences.results import check_results, write_views_video, write_whole
+from dlama.datasets.sequences.results import check_results, write_whole
 from dlama.datasets.sequences.state import SequenceState, Step, StepChange
 from dlama.errors import OutputError, format_count, system_errors, warn
 from dlama.files.results.meta_json import write_json
@@ -28,6 +28,9 @@ from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, check_folder_name
 from dlama.writing.drafts import lock_output
 
+SHARES = ("filled_share", "depth_filled_share", "left_open_share")
+"""Of the pixels of a step's view, and of meta.json: those that were filled in colour and depth; in depth alone, as their colours
+were measured; that are open, as they were filled with too little confidence."""
 SHADOW = ("remaining_shadow_px", "removed_px")
 """Of a step, for the hint of a shadow that stays."""
 CLIPPED = "depth_png_clipped_pixels"
@@ -42,8 +45,7 @@ class StepResults:
 
     scene: Scene
     views: dict[str, dict[str, float]] = field(default_factory=dict)
-    """View -> shares of its pixels: that were filled in colour and depth; in depth alone, as their colours were measured; that
-    are open, as they were filled with too little confidence."""
+    """View -> what is known of its pixels: SHARES, SHADOW and CLIPPED."""
     reused: int = 0
     """Steps that an earlier run had done."""
     shadow: str = ""
@@ -58,12 +60,6 @@ class StepResults:
                 "`also=scene` writes scene.npz, which has theirs"
             )
         return count
-
-    def shares(self, names: Iterable[str]) -> dict[str, dict[str, float]]:
-        """Of the views with these names, share by share, for meta.json."""
-        kinds = "filled_share", "depth_filled_share", "left_open_share"
-        order = list(names)
-        return {kind: {name: self.views[name][kind] for name in order} for kind in kinds}
 
 
 class SequenceCompletion:
@@ -132,19 +128,21 @@ class SequenceCompletion:
             done = complete_steps(
                 self._plan, self.scene, self._steps, state, target, progress, settings["min_confidence"]
             )
+            points = {"ply_file_path": "scene.ply"} if "points" in chosen else {}
+            write_transforms(target, self.cameras, loaded.names, points, masked)
             meta = {
                 "dlama": __version__,
                 "dataset": self._dataset,
-                **about_frames(loaded.names, loaded.kept, loaded.scene, loaded.damaged),
+                **about_frames(loaded),
                 **settings,
                 "decisions": loaded.decisions
                 | {name: dict(decision) for name, decision in self._plan.decisions.items()},
                 "masked_frames": [loaded.names[number] for number in sorted(self._masks)],
-                **done.shares(self.cameras),
+                **{kind: {name: done.views[name][kind] for name in self.cameras} for kind in SHARES},
                 CLIPPED: done.count_clipped(),
                 "remaining_shadow": done.shadow if self._masks else "",
                 "views_from_earlier_run": done.reused,
-                **write_views(target, done.scene, self.cameras, loaded.names, chosen, masked),
+                **write_whole(target, done.scene, self.cameras, chosen),
                 "seconds": round(time.perf_counter() - started, 3),
             }
             write_json(target / "meta.json", meta)
@@ -152,30 +150,15 @@ class SequenceCompletion:
         return meta
 
 
-def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damaged: Mapping[str, str]) -> dict[str, Any]:
-    """For meta.json: where depth comes from, the frames that the scene is made of (`kept` of those with `names`), why others were
-    left out."""
-    contradict = [name for name in names if name not in kept and name not in damaged]
+def about_frames(loaded: LoadedScene) -> dict[str, Any]:
+    """For meta.json: where depth comes from, the frames that the scene is made of, why others were left out."""
+    given, kept = loaded.scene, loaded.kept
+    contradict = [name for name in loaded.names if name not in kept and name not in loaded.damaged]
     return {
         "depth": "estimated" if given.has_estimated_depth else "measured",
-        "frames": {"names": list(kept), "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
-        "left_out": dict(damaged) | dict.fromkeys(contradict, "see warnings"),
+        "frames": {"names": kept, "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
+        "left_out": loaded.damaged | dict.fromkeys(contradict, "see warnings"),
     }
-
-
-def write_views(
-    target: Path, scene: Scene, cameras: Mapping[str, Camera], names: Sequence[str], chosen: Sequence[str], masked: bool
-) -> dict[str, Any]:
-    """What is made of all views, written: transforms.json and those of RESULTS in `chosen`; for meta.json: what was left out.
-
-    cameras: of the views, by name; names: of the frames; masked: whether views have masks. Raises OutputError.
-    """
-    points = {"ply_file_path": "scene.ply"} if "points" in chosen else {}
-    write_transforms(target, cameras, names, points, masked)
-    about = write_whole(target, scene, cameras, chosen)
-    if "video" in chosen:
-        about["video"] = write_views_video(target, list(cameras))
-    return about
 
 
 def steps_for(plan: Plan, scene: Scene, names: Sequence[str], cameras: Mapping[str, Camera] | None) -> list[Step]:
@@ -230,11 +213,8 @@ def complete_steps(
 
 def shares_of(view: View) -> dict[str, float]:
     """What of a completed view was filled, got a depth, is open."""
-    return {
-        "filled_share": share(view.filled),
-        "depth_filled_share": share(view.origin == Origin.DEPTH_FILLED.value),
-        "left_open_share": share(view.hole),
-    }
+    parts = view.filled, view.origin == Origin.DEPTH_FILLED.value, view.hole
+    return dict(zip(SHARES, map(share, parts)))
 
 
 def shadow_of(found: CompletedView) -> dict[str, int]:

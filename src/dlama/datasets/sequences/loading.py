@@ -15,10 +15,9 @@ from dlama.arguments import as_array
 from dlama.completion.start import clip_frame
 from dlama.datasets.easysynth.frames import sequence_folders
 from dlama.datasets.frames import Frame
-from dlama.datasets.layouts import layout_of, list_dataset
+from dlama.datasets.layouts import layout_of, list_dataset, select_cases
 from dlama.datasets.posed.lenses import CameraOption
 from dlama.datasets.sequences.reading import decide_reading
-from dlama.datasets.text_tables import check_scenes
 from dlama.errors import (
     DlamaError,
     FileError,
@@ -234,10 +233,14 @@ def open_frames(
     name = layout_of(root, layout)
     if name == "easysynth":
         _check_one_sequence(root)
-    frames = list_dataset(root, name, {"camera": camera, "limit": 0, **reading}).frames
-    if not frames:
+    found = list_dataset(root, name, {"camera": camera, "limit": 0, **reading})
+    if not found.frames:
         raise InputError(f"{root}: a data set of layout {name} has no posed frames of one scene")
-    return _of_scene(root, frames, scene)
+    frames = select_cases(found, None if scene is None else [scene], 0).frames
+    scenes = list(dict.fromkeys(frame.scene for frame in frames))
+    if len(scenes) > 1:
+        raise InputError(f"{root}: holds {len(scenes)} scenes ({', '.join(scenes[:8])}); say which by `scene=NAME`")
+    return frames
 
 
 def _check_one_sequence(root: Path) -> None:
@@ -245,14 +248,6 @@ def _check_one_sequence(root: Path) -> None:
     if len(found) > 1:
         names = ", ".join(str(folder.relative_to(root)) for folder in found[:6])
         raise InputError(f"{root}: holds {len(found)} sequences ({names}); give the folder of one")
-
-
-def _of_scene(root: Path, frames: Sequence[Frame], scene: str | None) -> tuple[Frame, ...]:
-    scenes = list(dict.fromkeys(frame.scene for frame in frames))
-    if scene is None and len(scenes) > 1:
-        raise InputError(f"{root}: holds {len(scenes)} scenes ({', '.join(scenes[:8])}); say which by `scene=NAME`")
-    check_scenes(scenes, None if scene is None else [scene])
-    return tuple(frame for frame in frames if scene in (None, frame.scene))
 
 
 def slice_frames(frames: Sequence[T], which: str | None) -> tuple[T, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.frames import Frame
-from dlama.datasets.posed.posed_frames import FrameFiles, PosedFrame, count_readings, load_depth, size_of_picture
+from dlama.datasets.posed.posed_frames import FrameFiles, PosedFrame, count_readings, measured_depth, size_of_picture
 from dlama.errors import format_size, warn
 from dlama.perception.missing_depth import has_single_readings
 
@@ -18,7 +18,7 @@ Decisions = dict[str, dict[str, Any]]
 def decide_reading(frames: Sequence[Frame], hw: tuple[int, int], max_depth: float | None) -> Decisions:
     """Of frames that were read at the size hw: whether depth was filled between its readings (`densify`), what was left out
     beyond its range, whether pictures were shrunk. max_depth: metres, as given."""
-    files = [frame.files for frame in frames if isinstance(frame, PosedFrame) and frame.files is not None]
+    files = [frame.files for frame in frames if isinstance(frame, PosedFrame)]
     if not files:
         return {}
     return decide_depth(files[0], hw) | decide_range(files, max_depth) | decide_size(files[0], hw)
@@ -26,7 +26,7 @@ def decide_reading(frames: Sequence[Frame], hw: tuple[int, int], max_depth: floa
 
 def decide_depth(files: FrameFiles, hw: tuple[int, int]) -> Decisions:
     """By the first frame."""
-    recorded, _ = load_depth(files)
+    recorded = measured_depth(files)
     if recorded.shape != hw or not has_single_readings(recorded):
         return {}
     return {

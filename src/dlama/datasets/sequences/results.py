@@ -49,7 +49,7 @@ def check_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple
 
 
 def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chosen: Sequence[str]) -> dict[str, Any]:
-    """What of RESULTS is expected of the scene as a whole; for meta.json: what was left out of it. Raises OutputError.
+    """What of RESULTS is chosen, of the scene as a whole and of its views; for meta.json: what was left out. Raises OutputError.
 
     Points and mesh have every surface once, without removed objects.
     """
@@ -77,6 +77,8 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chose
             meshed = largest_layers(once, counts)
             about["meshed_layers"] = {"of": len(once.layers), "written": len(meshed.layers)}
             write_textured_glb(folder / "scene.glb", meshed)
+    if "video" in chosen:
+        about["video"] = write_views_video(folder, list(cameras))
     return about
 
 
