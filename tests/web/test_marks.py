@@ -15,7 +15,7 @@ from dlama.errors import InputError, MaskError
 from dlama.web import api, pictures
 from dlama.web.answers import Blob, PageError, field_of
 from dlama.web.completions import results
-from dlama.web.completions.request import read_request
+from dlama.web.form import read_request
 from dlama.web.marks import Marks, Stroke, mask_of, read_marks
 from dlama.web.visits import Visit
 
@@ -96,15 +96,15 @@ def test_preview_is_what_the_new_camera_sees(visit: Visit, frame: Path) -> None:
     open_frame(visit, frame)
     assert visit.source is not None
     rgbd = visit.source.rgbd
-    picture, shares = pictures.Preview(rgbd, None).show(read_request({}))
+    picture, shares = pictures.Preview(rgbd, None).show({})
     np.testing.assert_array_equal(picture, rgbd.color)
     assert shares == {}
     mask = dlama.find_mask(rgbd, clicks=[(30, 24)]).mask
-    picture, shares = pictures.Preview(rgbd, mask).show(read_request({}))
+    picture, shares = pictures.Preview(rgbd, mask).show({})
     np.testing.assert_array_equal(picture[~mask], rgbd.color[~mask])
     assert (picture[mask] == pictures.HOLE_PALETTE[6]).all()
     assert shares == {"object": pytest.approx(float(mask.mean()), abs=1e-4)}
-    moved, _ = pictures.Preview(rgbd, None).show(read_request({"yaw": 20}))
+    moved, _ = pictures.Preview(rgbd, None).show({"yaw": 20})
     assert (moved != rgbd.color).any()
 
 

@@ -15,9 +15,8 @@ from dlama.errors import DlamaError
 from dlama.web import pictures
 from dlama.web.answers import Blob, Fields, Limits, PageError, hide_paths, use_page_words
 from dlama.web.completions import results
-from dlama.web.completions.request import read_request
 from dlama.web.completions.runs import warnings_of_thread
-from dlama.web.form import describe_form
+from dlama.web.form import describe_form, read_request
 from dlama.web.inputs import ROLES, Upload, check_upload, file_name, pixel_of, read_source
 from dlama.web.marks import find, mask_of, pointing, read_marks
 from dlama.web.visits import Visit
@@ -174,20 +173,10 @@ def mark(visit: Visit, fields: Fields) -> dict[str, Any]:
     visit.marks, visit.mask = marks, mask if mask.any() else None
     visit.listed = list(fields.get("marks") or [])
     visit.preview.clear()
-    return {"share": float(mask.mean()), **describe_found(found)}
-
-
-def describe_found(found: dlama.ObjectMask | None) -> dict[str, Any]:
-    """The object that clicks or a box mean, for the page."""
-    if found is None:
-        return {"candidates": [], "chosen": "", "notes": [], "shadow": None}
-    shadow = None if found.shadow is None else float(found.shadow.mean())
-    return {
-        "candidates": list(found.candidates),
-        "chosen": found.chosen,
-        "notes": list(found.notes),
-        "shadow": shadow,
-    }
+    about: dict[str, Any] = {"candidates": [], "chosen": "", "notes": []}
+    if found is not None:
+        about = {"candidates": list(found.candidates), "chosen": found.chosen, "notes": list(found.notes)}
+    return {"share": float(mask.mean()), **about}
 
 
 def mask(visit: Visit, fields: Fields) -> Blob:
@@ -203,7 +192,7 @@ def preview(visit: Visit, fields: Fields) -> Blob:
     request = read_request(fields)
     if "small" not in visit.preview:
         visit.preview["small"] = pictures.Preview(source.rgbd, visit.mask)
-    picture, shares = visit.preview["small"].show(request)
+    picture, shares = visit.preview["small"].show(request.move)
     answer = ", ".join(f"{name}={share}" for name, share in shares.items())
     return pictures.png(picture, {"X-Holes": answer})
 

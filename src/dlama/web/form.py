@@ -1,14 +1,18 @@
-"""What a visitor typed into the page's form in; the options of the library, checked, out. The form itself is made of them."""
+"""What a visitor typed into the page's form, or asks for, in; the options of the library, checked, out. The form itself is made
+of them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
 from dlama.completion.options import RECIPE_NAMES, Option, Options, options_in
 from dlama.inpainters import AUTO, FILLERS
 from dlama.jobs import options as groups
-from dlama.jobs.parameters import Parse, one_of, parsers, read_parameters
+from dlama.jobs.early import check_options
+from dlama.jobs.parameters import MOVE, Parse, one_of, parsers, read_parameters
+from dlama.web.answers import PageError
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "filler": (AUTO, *(name for name, record in FILLERS.items() if not record.needs_model or record.shipped)),
@@ -20,6 +24,19 @@ PARTS: dict[str, Any] = {
 }  # fmt: skip
 """Part of the form -> its options, those with a label. None of them names a file."""
 UNITS = {"DEG": "degrees", "METRES": "metres", "PX": "px"}
+MOVES = {name: MOVE[name] for name in ("yaw", "pitch", "dolly", "pivot")}
+MOST_DILATION = 200
+
+
+@dataclass(frozen=True)
+class CompletionRequest:
+    """Where the camera is to stand, and how the scene is to be completed: keyword arguments of the verbs that differ from their
+    defaults."""
+
+    move: Mapping[str, Any]
+    """yaw, pitch, dolly, pivot."""
+    method: Mapping[str, Any]
+    """Options of the form."""
 
 
 def describe_form() -> dict[str, list[dict[str, Any]]]:
@@ -39,6 +56,17 @@ def describe_field(name: str, one: Option) -> dict[str, Any]:
         "hint": one.default if one.default != "none" else "" if one.metavar in UNITS else one.metavar,
         "help": one.text,
     }
+
+
+def read_request(fields: Mapping[str, Any]) -> CompletionRequest:
+    """What the page asked for; what differs from its default. InputError."""
+    given = read_fields(MOVES | parsers_of("method"), fields)
+    check_options(given)
+    if given.get("dilate", 0) > MOST_DILATION:
+        raise PageError(f"`dilate` is {given['dilate']}; 0 to {MOST_DILATION} is expected", "method")
+    move = {name: value for name, value in given.items() if name in MOVES and value not in (0, "auto")}
+    method = {name: one for name, one in given.items() if name not in MOVES and one != getattr(Options, name)}
+    return CompletionRequest(move, method)
 
 
 def labelled(part: str) -> dict[str, Option]:

@@ -17,7 +17,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any, Protocol
-from urllib.parse import SplitResult, parse_qs, unquote, urlsplit
+from urllib.parse import parse_qs, unquote, urlsplit
 
 from dlama.errors import DlamaError, FileError, system_reason
 from dlama.web import api
@@ -117,22 +117,25 @@ class Handler(BaseHTTPRequestHandler):
         number = self.headers.get("X-Dlama-Visit")
         if not self._host_is_ours() or not self._has_token():
             self._refuse(HTTPStatus.UNAUTHORIZED, "this page asks for a token; open it anew")
-        elif address.path == "/api/leave":
-            self._leave()
-        elif number is None:
+        elif number is None and address.path != "/api/leave":
             self._refuse(HTTPStatus.FORBIDDEN, "requests of other pages are not answered")
         else:
-            self._answer(address, number)
+            self._answer(address.path.removeprefix("/api/"), parse_qs(address.query), number or "")
 
-    def _answer(self, address: SplitResult, number: str) -> None:
+    def _answer(self, action: str, query: Mapping[str, list[str]], number: str) -> None:
         """What the page of the visit with that number asks for, or why it cannot be had."""
         visit: Visit | None = None
         try:
-            if address.path in ("/api/visit", "/api/settings"):
-                self._welcome(begins=address.path == "/api/visit")
-                return
-            visit = self.server.visits.find(number)
-            self._act(visit, address.path.removeprefix("/api/"), parse_qs(address.query))
+            if action == "leave":
+                self.server.visits.leave(self._body(most=200).decode("ascii", "replace"))
+                self._json({})
+            elif action in ("visit", "settings"):  # a new one, or what the page is set up by
+                self._body(MOST_JSON)
+                begins = action == "visit"
+                self._json({"visit": self.server.visits.begin().id} if begins else api.settings(self.server.limits))
+            else:
+                visit = self.server.visits.find(number)
+                self._act(visit, action, query)
         except DlamaError as error:
             self._failed(error, visit)
         except MemoryError:
@@ -145,18 +148,6 @@ class Handler(BaseHTTPRequestHandler):
         except Exception as error:
             traceback.print_exc()
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"a fault of dlama: {type(error).__name__}: {error}")
-
-    def _welcome(self, begins: bool) -> None:
-        """A new visit, or what the page is set up by."""
-        self._body(MOST_JSON)
-        self._json({"visit": self.server.visits.begin().id} if begins else api.settings(self.server.limits))
-
-    def _leave(self) -> None:
-        try:
-            self.server.visits.leave(self._body(most=200).decode("ascii", "replace"))
-            self._json({})
-        except PageError as error:
-            self._failed(error, None)
 
     def _act(self, visit: Visit, name: str, query: Mapping[str, list[str]]) -> None:
         if name == "upload":
@@ -176,7 +167,8 @@ class Handler(BaseHTTPRequestHandler):
                     raise PageError("this page was closed; start again", status=410)
                 answer = action(visit, fields)
         if isinstance(answer, Blob):
-            self._blob(answer)
+            named = {"Content-Disposition": f'attachment; filename="{answer.name}"'} if answer.name else {}
+            self._reply(HTTPStatus.OK, answer.data, answer.kind, {**(answer.headers or {}), **named})
         else:
             self._json(answer)
 
@@ -242,12 +234,6 @@ class Handler(BaseHTTPRequestHandler):
 
     def _json(self, values: Mapping[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
         self._reply(status, json.dumps(values).encode(), "application/json")
-
-    def _blob(self, blob: Blob) -> None:
-        headers = dict(blob.headers or {})
-        if blob.name:
-            headers["Content-Disposition"] = f'attachment; filename="{blob.name}"'
-        self._reply(HTTPStatus.OK, blob.data, blob.kind, headers)
 
     def _reply(self, status: HTTPStatus, data: bytes, kind: str, headers: Mapping[str, str] | None = None) -> None:
         self.send_response(status)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 import dlama
+from dlama.completion.verbs import target_camera
 from dlama.files.results.completion import views_by_folder
 from dlama.files.results.preview import name_code
 from dlama.geometry.codes import HoleType, Origin
@@ -29,7 +30,6 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.perception.resampling import shrink_rgbd
 from dlama.web.answers import Blob, PageError
-from dlama.web.completions.request import CompletionRequest
 
 PREVIEW_PX = 256
 MAP_PX = 2048
@@ -61,9 +61,9 @@ class Preview:
             if not gone.all():
                 self.scene = self.scene.without(gone, dilate=0)
 
-    def show(self, request: CompletionRequest) -> tuple[UInt8Array, dict[str, float]]:
-        """From where the request puts the camera: H x W x 3, and the share of each hole type (0..1)."""
-        view = render(self.scene, request.camera(self.rgbd), fine=False)
+    def show(self, move: Mapping[str, Any]) -> tuple[UInt8Array, dict[str, float]]:
+        """From where a move (yaw, pitch, dolly, pivot) puts the camera: H x W x 3, and the share of each hole type (0..1)."""
+        view = render(self.scene, target_camera(self.rgbd, **move), fine=False)
         codes = np.where(view.color_hole, view.hole_type, 0).astype(np.uint8)
         counts = np.bincount(codes.ravel(), minlength=len(HOLE_PALETTE)) / codes.size
         shares = {code.name.lower(): round(float(counts[code]), 4) for code in HoleType if code and counts[code]}

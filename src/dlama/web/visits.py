@@ -19,8 +19,8 @@ from dlama.files.results.photo3d import MOST_TRIANGLES
 from dlama.geometry.layers.layered_mesh import MeshPart, mesh_layers
 from dlama.geometry.rgbd import BoolArray
 from dlama.web.answers import PageError
-from dlama.web.completions.request import CompletionRequest
 from dlama.web.completions.runs import Run
+from dlama.web.form import CompletionRequest
 from dlama.web.inputs import Source, Upload, names_of
 from dlama.web.marks import Marks
 from dlama.writing.drafts import DRAFT, hold, name_of, remove_abandoned

@@ -7,13 +7,13 @@ from typing import Any
 
 import dlama
 from dlama.completion.report import describe_remaining_shadow
-from dlama.completion.verbs import view_pair
+from dlama.completion.verbs import target_camera, view_pair
 from dlama.files.scenes.photo3d_page import LARGEST_GLB, describe_box, glb_within, photo3d_page
 from dlama.web import pictures
 from dlama.web.answers import Blob, Fields, PageError, hide_paths, use_page_words
 from dlama.web.completions import take_home
-from dlama.web.completions.request import read_request
 from dlama.web.completions.runs import Run
+from dlama.web.form import read_request
 from dlama.web.inputs import names_of, pixel_of
 from dlama.web.marks import pointing
 from dlama.web.visits import Result, Visit
@@ -26,7 +26,7 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
     """Begin the completion; `run` returns its progress."""
     source, mask, marks = visit.require_source(), visit.mask, visit.marks
     request = read_request(fields)
-    request.camera(source.rgbd)  # refused at once, not when the work begins
+    target_camera(source.rgbd, **request.move)  # refused at once, not when the work begins
     found = visit.found[1] if visit.found else None
     about: dict[str, Any] = {}
     if mask is not None and found is not None and marks.in_words and source.pair is None:

@@ -119,23 +119,15 @@ class Run:
             if not self._cancel.is_set():
                 self.state = "running"
                 with suppress(Cancelled), show_progress(self._begin_stage), warnings_of_thread() as self.warnings:
-                    self._work()
-        finally:
-            ONE_AT_A_TIME.release()
-            del self.work  # and what it holds
-            self._end()
-
-    def _work(self) -> None:
-        try:
-            self.result = self.work()
+                    self.result = self.work()
         except Exception as error:
             self.error = error
             if not isinstance(error, DlamaError):
                 traceback.print_exc()
-
-    def _end(self) -> None:
-        self.seconds = time.monotonic() - self.started
-        if self._cancel.is_set():
-            self.state, self.result = "cancelled", None
-        else:
+        finally:
+            ONE_AT_A_TIME.release()
+            del self.work  # and what it holds
+            self.seconds = time.monotonic() - self.started
             self.state = "done" if self.error is None else "failed"
+            if self._cancel.is_set():
+                self.state, self.result = "cancelled", None
