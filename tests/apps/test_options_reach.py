@@ -88,7 +88,7 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
 
     verbs = (
         *(f"measuring.{verb}" for verb in ("doctor", "evaluating", "worlds")), "networks.train", "networks.model_verbs",
-        "sequence", "batch", "show", "video", "serve", "warm_up",
+        "sequence", "batch", "show", "video", "serve",
     )  # fmt: skip
     for module in ("command", "cli", *(f"verbs.{verb}" for verb in verbs)):
         spy(f"dlama.apps.{module}.report_result", through=True)

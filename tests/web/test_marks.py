@@ -98,12 +98,12 @@ def test_preview_is_what_the_new_camera_sees(visit: Visit, frame: Path) -> None:
     rgbd = visit.source.rgbd
     picture, shares = pictures.Preview(rgbd, None).show({})
     np.testing.assert_array_equal(picture, rgbd.color)
-    assert shares == {}
+    assert shares == []
     mask = dlama.find_mask(rgbd, clicks=[(30, 24)]).mask
     picture, shares = pictures.Preview(rgbd, mask).show({})
     np.testing.assert_array_equal(picture[~mask], rgbd.color[~mask])
     assert (picture[mask] == pictures.HOLE_PALETTE[6]).all()
-    assert shares == {"object": pytest.approx(float(mask.mean()), abs=1e-4)}
+    assert [(row["name"], row["share"]) for row in shares] == [("object", pytest.approx(float(mask.mean()), abs=1e-4))]
     moved, _ = pictures.Preview(rgbd, None).show({"yaw": 20})
     assert (moved != rgbd.color).any()
 

@@ -8,6 +8,7 @@ import re
 import shutil
 import sys
 import textwrap
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,8 +34,7 @@ from dlama.apps.verbs.sequence import sequence
 from dlama.apps.verbs.serve import serve
 from dlama.apps.verbs.show import show
 from dlama.apps.verbs.video import video
-from dlama.apps.verbs.warm_up import warm_up
-from dlama.errors import InputError
+from dlama.errors import InputError, OutputError, format_count
 
 DESCRIPTION = (
     "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "
@@ -76,6 +76,23 @@ def version() -> None:
     from dlama.files.results.meta_json import versions
 
     print("\n".join(f"{name} {number}" for name, number in versions().items()))
+
+
+def warm_up(*, report: Report) -> None:
+    """Compiles what commands compute with, so that the first of them does not wait: for images of machines, and for CI."""
+    from dlama.geometry.kernels.ahead import listed_kernels, start_compiling
+    from dlama.models.network_file import processor_count
+
+    with report_result("warm-up", report) as result:
+        started = time.perf_counter()
+        running = start_compiling("all", processor_count())
+        if any([one.wait() for one in running]):  # noqa: C419  (all of them end)
+            raise OutputError(
+                "kernels could not be compiled, or not be kept: `python -m dlama.geometry.kernels.ahead all 0 1` says why"
+            )
+        count = len(listed_kernels())
+        line = f"{format_count(count, 'kernel')} compiled or found on disk, {time.perf_counter() - started:.1f} s"
+        result.add(line, kernels=count)
 
 
 OF_PICTURES = (view, remove, mask, stereo, photo3d, sequence, video, depth, batch)

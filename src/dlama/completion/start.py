@@ -107,15 +107,10 @@ def may_estimate_again(rgbd: object) -> bool:
 
 
 def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
-    """The frame, or what reads it, clipped."""
-    if clip is None:
-        return frame
-    return clip_read(frame, clip) if isinstance(frame, RGBD) else lambda: clip_read(frame(), clip)
-
-
-def clip_read(frame: RGBD, clip: float) -> RGBD:
-    """A frame clipped; what is none, as a function may give, as it is: who reads the frame refuses it by name."""
-    return frame.clip_depth(clip) if isinstance(frame, RGBD) else frame
+    """The frame, or what reads it, clipped; what is neither as it is: who reads the frame refuses it by name."""
+    if isinstance(frame, RGBD):
+        return frame.clip_depth(clip)
+    return (lambda: clip_frame(frame(), clip)) if callable(frame) and clip is not None else frame  # type: ignore[return-value]
 
 
 def choose_filler(estimated: bool, filler: str | Inpainter, model: str | Path | None) -> FillerChoice:

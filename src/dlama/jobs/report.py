@@ -38,8 +38,6 @@ EXAMPLES = 3
 """Jobs that are named of each group of failures."""
 BARS = 48
 """Bars of the throughput, at most."""
-SECONDS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400, 604800)
-"""Widths that a bar may have."""
 PLACE = re.compile(r"(?:\w+://|[A-Za-z]:)?[^\s:;,']*[/\\][^\s:;,']*")
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
@@ -102,14 +100,11 @@ def without_names(message: str) -> str:
 
 def throughput(finished: dict[int, int]) -> tuple[int, list[tuple[int, int]]]:
     """Width of a bar in seconds, and (its first second, results that ended in it), idle times between them too, BARS at most."""
-    if not finished:
-        return SECONDS[0], []
-    first, last = min(finished), max(finished)
-    width = next((one for one in SECONDS if (last - first) / one < BARS), (last - first) // BARS + 1)
-    start = first - first % width
-    counts = dict.fromkeys(range(start, last + 1, width), 0)
+    first, last = min(finished, default=0), max(finished, default=-1)
+    width = max(0, last - first) // BARS + 1
+    counts = dict.fromkeys(range(first, last + 1, width), 0)
     for second, count in finished.items():
-        counts[start + (second - start) // width * width] += count
+        counts[first + (second - first) // width * width] += count
     return width, list(counts.items())
 
 

@@ -187,14 +187,13 @@ def mask(visit: Visit, fields: Fields) -> Blob:
 
 
 def preview(visit: Visit, fields: Fields) -> Blob:
-    """256 pixels of what is known from where the camera is to stand; shares of the hole types in a header."""
+    """256 pixels of what is known from where the camera is to stand; the rows of its legend in a header."""
     source = visit.require_source()
     request = read_request(fields)
     if "small" not in visit.preview:
         visit.preview["small"] = pictures.Preview(source.rgbd, visit.mask)
-    picture, shares = visit.preview["small"].show(request.move)
-    answer = ", ".join(f"{name}={share}" for name, share in shares.items())
-    return pictures.png(picture, {"X-Holes": answer})
+    picture, rows = visit.preview["small"].show(request.move)
+    return pictures.png(picture, {"X-Holes": json.dumps(rows)})
 
 
 def alive(visit: Visit, fields: Fields) -> dict[str, Any]:

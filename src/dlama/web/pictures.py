@@ -61,13 +61,11 @@ class Preview:
             if not gone.all():
                 self.scene = self.scene.without(gone, dilate=0)
 
-    def show(self, move: Mapping[str, Any]) -> tuple[UInt8Array, dict[str, float]]:
-        """From where a move (yaw, pitch, dolly, pivot) puts the camera: H x W x 3, and the share of each hole type (0..1)."""
+    def show(self, move: Mapping[str, Any]) -> tuple[UInt8Array, list[dict[str, Any]]]:
+        """From where a move (yaw, pitch, dolly, pivot) puts the camera: H x W x 3, and its hole types, as of `legends`."""
         view = render(self.scene, target_camera(self.rgbd, **move), fine=False)
         codes = np.where(view.color_hole, view.hole_type, 0).astype(np.uint8)
-        counts = np.bincount(codes.ravel(), minlength=len(HOLE_PALETTE)) / codes.size
-        shares = {code.name.lower(): round(float(counts[code]), 4) for code in HoleType if code and counts[code]}
-        return hole_picture(view.color, codes), shares
+        return hole_picture(view.color, codes), shares(codes, HoleType, HOLE_PALETTE, skip=0)
 
 
 def result_views(done: dlama.Completion, right: bool) -> tuple[View, View]:

@@ -44,14 +44,12 @@ export function warnings(id, list) {
   $(id).replaceChildren(...(list ?? []).map((text) => Object.assign(document.createElement("p"), { className: "note warning", textContent: text })));
 }
 
+const rgb = (color) => `rgb(${color.join(" ")})`;
+
 function swatch(color) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  svg.setAttribute("width", 14);
-  svg.setAttribute("height", 14);
-  svg.setAttribute("aria-hidden", "true");
-  const rect = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
-  for (const [name, value] of [["width", 14], ["height", 14], ["fill", `rgb(${color.join(" ")})`]]) rect.setAttribute(name, value);
-  return svg;
+  const box = Object.assign(document.createElement("span"), { className: "swatch" });
+  box.style.background = rgb(color);
+  return box;
 }
 
 export const percent = (share) => (share >= 0.0005 ? `${(100 * share).toFixed(1)} %` : "<0.1 %");
@@ -65,15 +63,7 @@ export function legend(id, rows) {
 }
 
 export function ramp(id, colors, ticks) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  svg.setAttribute("viewBox", `0 0 ${colors.length} 1`);
-  svg.setAttribute("preserveAspectRatio", "none");
-  svg.setAttribute("aria-hidden", "true");
-  colors.forEach((color, i) => {
-    const rect = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
-    for (const [name, value] of [["x", i], ["width", 1.05], ["height", 1], ["fill", `rgb(${color.join(" ")})`]]) rect.setAttribute(name, value);
-  });
-  $(id).querySelector(".bar").replaceChildren(svg);
+  $(id).querySelector(".bar").style.background = `linear-gradient(to right, ${colors.map(rgb).join(", ")})`;
   $(id).querySelector(".ticks").replaceChildren(...ticks.map((text) => Object.assign(document.createElement("span"), { textContent: text })));
 }
 

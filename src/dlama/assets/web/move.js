@@ -27,14 +27,9 @@ export async function showPreview() {
       again = false;
       const { blob, headers } = await server.fetched("preview", request());
       await server.showIn($("preview"), blob);
-      showPreviewLegend(headers.get("X-Holes") ?? "");
+      const rows = JSON.parse(headers.get("X-Holes"));
+      if (rows.length) legend("preview-legend", rows); else $("preview-legend").textContent = "Nothing is unknown from here.";
       clearErrors("move");
     } while (again);
   } catch (error) { failed(error, "move"); } finally { asking = false; }
-}
-
-function showPreviewLegend(text) {
-  const colors = { crack: [245, 245, 245], disoccluded: [213, 94, 0], flying: [240, 228, 66], out_of_view: [0, 114, 178], sensor: [204, 121, 167], object: [0, 158, 115] };
-  const rows = text.split(", ").filter(Boolean).map((row) => { const [name, share] = row.split("="); return { name: name.replaceAll("_", " "), color: colors[name], share: Number(share) }; });
-  if (rows.length) legend("preview-legend", rows); else $("preview-legend").textContent = "Nothing is unknown from here.";
 }

@@ -61,7 +61,7 @@ function showLegend(kind) {
   $("ramp").hidden = kind !== "depth" && kind !== "confidence";
   legend("legend", Array.isArray(rows) ? rows : []);
   if (kind === "depth") ramp("ramp", answer.depth.colors, answer.depth.metres.map((v) => `${v} m`));
-  if (kind === "confidence") ramp("ramp", Array.from({ length: 24 }, (_, i) => Array(3).fill(Math.round(i * 255 / 23))), ["0 filled, unsure", "0.5", "1 measured"]);
+  if (kind === "confidence") ramp("ramp", [[0, 0, 0], [255, 255, 255]], ["0 filled, unsure", "0.5", "1 measured"]);
 }
 
 async function readPixel(across, down) {

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -67,7 +67,6 @@ from dlama.progress import Progress, take_progress
 
 RightView = Literal["given", "synthesised"]
 """What becomes of the right picture where no object is removed."""
-RIGHT_VIEWS: tuple[RightView, ...] = ("given", "synthesised")
 
 
 @take_options
@@ -118,7 +117,7 @@ def stereo(
     chosen = given.settings
     check_memory((rig.left, rig.right))
     choice, filler = filler_of_pair(given)
-    one_by_one = fills_one_by_one(chosen, mask is not None, disparity is not None)
+    complete_pair = choose_steps(chosen, right_view, mask is not None, disparity is not None)
     clock = Clock()
     with clock("match"):
         pair = match_pair((left, right), rig, far, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
@@ -133,9 +132,6 @@ def stereo(
         growth = mask_growth(start, chosen.dilate)
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
     draft = Plan(chosen, filler, given.seed, start, choice.name, decisions)
-    complete_pair = complete_pair_one_by_one if one_by_one else complete_pair_together
-    if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
-        complete_pair = synthesise_right
     return complete_pair(pair, draft, clock).with_min_confidence(given.min_confidence)
 
 
@@ -151,24 +147,25 @@ def filler_of_pair(options: Options) -> tuple[FillerChoice, Inpainter]:
     return choice, filler
 
 
-def fills_one_by_one(recipe: Recipe, removing: bool, matched: bool) -> bool:
-    """Whether the pictures of a pair are filled each alone, and matched then. InputError: they are `matched` already."""
-    one_by_one = removing and not recipe.source_first
-    if matched and one_by_one:
+def choose_steps(
+    recipe: Recipe, right_view: RightView | None, removing: bool, matched: bool
+) -> Callable[[MatchedPair, Plan, Clock], StereoCompletion]:
+    """How a pair is completed. InputError: an unknown name, synthesised with a mask, a pair that is matched anew but was
+    `matched` already."""
+    if right_view is not None:
+        check_word(right_view, "right_view", get_args(RightView))
+    if not removing:
+        made = right_view == "synthesised" if right_view else not recipe.source_first
+        return synthesise_right if made else complete_pair_together
+    if right_view == "synthesised":
+        raise InputError("`right_view` is 'synthesised' and a mask is given; with a mask both pictures are completed")
+    if recipe.source_first:
+        return complete_pair_together
+    if matched:
         raise InputError(
             f"`disparity` is given and the recipe {recipe.name!r} matches the filled pictures anew; a matcher is expected"
         )
-    return one_by_one
-
-
-def choose_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:
-    """What becomes of the right picture. Raises InputError: an unknown name, or synthesised with a mask."""
-    if asked is None:
-        return "given" if removing or recipe.source_first else "synthesised"
-    check_word(asked, "right_view", RIGHT_VIEWS)
-    if removing and asked == "synthesised":
-        raise InputError("`right_view` is 'synthesised' and a mask is given; with a mask both pictures are completed")
-    return asked
+    return complete_pair_one_by_one
 
 
 def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> StereoCompletion:
