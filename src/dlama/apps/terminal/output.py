@@ -184,11 +184,12 @@ def counting_bar(title: str, report: Report, of_bytes: bool = False) -> Iterator
 @contextmanager
 def follow_run(
     title: str, report: Report, failed: Callable[[], int | str] = lambda: 0
-) -> Iterator[Callable[[int, int | None, int, str], None]]:
-    """How far a long run is, as a function of (done, total, kept, note) says: a bar on a terminal, elsewhere a line a minute.
+) -> Iterator[Callable[[int, int | None, str, bool], None]]:
+    """How far a long run is, as a function of (done, total, note, earlier) says: a bar on a terminal, elsewhere a line a minute.
 
-    total: None: not known; kept: how many of `done` an earlier run had left; note: behind the title. failed: how many, or that in
-    words. Until something is done the stages of the work are shown. Ctrl-C ends with a line that says that nothing is lost.
+    total: None: not known; note: behind the title; earlier: what is new in `done` was left by an earlier run. failed: how many,
+    or that in words. Until something is done the stages of the work are shown. Ctrl-C ends with a line that says that nothing is
+    lost.
     """
     state: dict[str, Any] = {"done": 0, "total": None, "kept": 0}
     at_first = title
@@ -201,10 +202,11 @@ def follow_run(
     try:
         with counting_bar(title, report) as bar, minutes:
 
-            def update(done: int, total: int | None, kept: int, note: str) -> None:
-                state.update(done=done, total=total, kept=kept)
+            def update(done: int, total: int | None, note: str, earlier: bool) -> None:
+                state["kept"] += earlier * (done - state["done"])
+                state.update(done=done, total=total)
                 if bar is not None:
-                    bar(done, total, f"{title}{note}")
+                    bar(done, total, f"{title}: {note}" if note else title)
 
             def show_stage(stage: str) -> None:  # of what comes before the first result
                 nonlocal at_first

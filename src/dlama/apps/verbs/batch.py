@@ -228,6 +228,7 @@ def show_progress(report: Report, totals: Any) -> Iterator[JobProgress]:
                     print_line("error", "more jobs failed; the manifest has them all")
             rate = 60 * max(0, done - totals.kept) / max(1e-3, time.monotonic() - started)
             failed = totals.kinds_line()
-            update(done, total, totals.kept, f": {rate:.1f} a minute{f', {failed} failed' if failed else ''}")
+            note = f"{rate:.1f} a minute{f', {failed} failed' if failed else ''}"
+            update(done, total, note, row is not None and row.kept)
 
         yield progress

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -127,7 +126,7 @@ def sequence(
         written = {name: chosen.pop(name) for name in ("only", "also") if name in chosen}
         check_results(written.get("only"), written.get("also", ()))  # before minutes of reading
         options = {"masks": found, "with_shadow": objects.with_shadow, **vars(source), **chosen}
-        with show_progress("sequence", report) as progress:
+        with follow_run("sequence", report) as progress:
             completion = dlama.sequence(dataset, **options, **given_options(method))
             meta = completion.write(output, progress=progress, **written)
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
@@ -213,17 +212,3 @@ def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
         "remaining_shadow",
     )
     return {"output": str(output), "frames": meta["frames"]["names"], **{name: meta[name] for name in names}}
-
-
-@contextmanager
-def show_progress(title: str, report: Report) -> Iterator[Callable[[int, int, str, bool], None]]:
-    """A bar with the time left on a terminal, a line a minute elsewhere. Ctrl-C prints that nothing is lost."""
-    kept = 0
-    with follow_run(title, report) as update:
-
-        def progress(done: int, total: int, name: str, earlier: bool) -> None:
-            nonlocal kept
-            kept += earlier
-            update(done, total, kept, f": {name}")
-
-        yield progress

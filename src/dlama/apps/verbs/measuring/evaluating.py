@@ -155,15 +155,14 @@ def summary_values(done: Results, output: Path) -> dict[str, Any]:
 @contextmanager
 def show_progress(title: str, report: Report) -> Iterator[Progress]:
     """A bar on a terminal, a line a minute elsewhere; failures as a line each, at once. Ctrl-C prints that nothing is lost."""
-    counts = {"kept": 0, "failed": 0}
-    with follow_run(title, report, lambda: counts["failed"]) as update:
+    failed = 0
+    with follow_run(title, report, lambda: failed) as update:
 
         def progress(outcome: Any, done: int, total: int) -> None:
-            if outcome is None:
-                counts["kept"] = done
-            elif outcome.error:
-                counts["failed"] += 1
+            nonlocal failed
+            if outcome is not None and outcome.error:
+                failed += 1
                 print_line("error", failure_line(outcome))
-            update(done, total, counts["kept"], f": {outcome.case.scene} {outcome.case.frame}" if outcome else "")
+            update(done, total, f"{outcome.case.scene} {outcome.case.frame}" if outcome else "", outcome is None)
 
         yield progress
