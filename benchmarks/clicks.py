@@ -22,7 +22,8 @@ import dataclasses
 import json
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -212,29 +213,38 @@ def find_clicked(session: MaskSession, click: Click, candidate: str = "object", 
         return np.zeros_like(click.true)
 
 
-def leave_out_rules(cases: Iterator[ClickCase], rules: Sequence[str]) -> None:
-    """Print by domain what IoU changes without each rule, and the change of processor time."""
-    changes: dict[str, list[list[list[float]]]] = {}
+def leave_out_rules(cases: Iterable[tuple[str, Callable[[], list[float]]]], rules: Sequence[str]) -> None:
+    """Print by domain the mean score, what it changes without each rule, and the change of processor time.
+
+    cases: the domain of each, and what computes its scores.
+    """
+    scores: dict[str, list[list[list[float]]]] = {}
     seconds = np.zeros(len(rules) + 1)
-    for case in cases:
+    for domain, measure in cases:
         by_rule = []
         for number, rule in enumerate(["", *rules]):
             with without(rule):
                 started = time.process_time()
-                session = MaskSession(case.frame)
-                found = [find_clicked(session, click) for click in case.clicks]
+                by_rule.append(measure())
                 seconds[number] += time.process_time() - started
-            by_rule.append([click.score(mask) for mask, click in zip(found, case.clicks)])
-        rows = changes.setdefault(case.domain, [[] for _ in rules])
-        for row, values in zip(rows, by_rule[1:]):
-            row.append([value - before for value, before in zip(values, by_rule[0])])
-    print("| without | " + " | ".join(changes) + " | time |\n|" + "---|" * (len(changes) + 2))
-    for number, rule in enumerate(rules):
+        scores.setdefault(domain, []).append(by_rule)
+    print("| without | " + " | ".join(f"{name} ({len(each)})" for name, each in scores.items()) + " | time |")
+    print("|" + "---|" * (len(scores) + 2))
+    means = [f"{np.mean(np.concatenate([of_case[0] for of_case in each])):.3f}" for each in scores.values()]
+    print(f"| (all rules) | {' | '.join(means)} | |")
+    for number, rule in enumerate(rules, 1):
         cells = []
-        for rows in changes.values():
-            low, high = interval(rows[number])
-            cells.append(f"{np.mean(np.concatenate(rows[number])):+.3f} ({low:+.3f}, {high:+.3f})")
-        print(f"| {rule} | {' | '.join(cells)} | {100 * (seconds[number + 1] / seconds[0] - 1):+.0f} % |")
+        for each in scores.values():
+            changes = [np.subtract(of_case[number], of_case[0]).tolist() for of_case in each]
+            low, high = interval(changes)
+            cells.append(f"{np.mean(np.concatenate(changes)):+.3f} ({low:+.3f}, {high:+.3f})")
+        print(f"| {rule} | {' | '.join(cells)} | {100 * (seconds[number] / seconds[0] - 1):+.0f} % |")
+
+
+def scores_of(case: ClickCase) -> list[float]:
+    """Of the clicks in a picture."""
+    session = MaskSession(case.frame)
+    return [click.score(find_clicked(session, click)) for click in case.clicks]
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -249,7 +259,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     args = parser.parse_args(argv)
     if args.rules:
         rules = list(MASK_RULES) if "all" in args.rules else args.rules
-        leave_out_rules(cases_of(args.split, args.shared, args.domains), rules)
+        cases = cases_of(args.split, args.shared, args.domains)
+        leave_out_rules(((case.domain, partial(scores_of, case)) for case in cases), rules)
         return
     values: dict[str, dict[str, list[float]]] = {}
     seconds: dict[str, list[float]] = {}

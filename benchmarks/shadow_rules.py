@@ -10,20 +10,20 @@ score with all rules, and the change without each, with its 95 % interval (boots
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from clicks import interval
+from clicks import leave_out_rules
 from dlama.datasets.frames import RemovalTruth
 from dlama.evaluation.metrics.regions import SMALLEST_SHADOW_PX, darkened_by_shadow, outside_contact_band
 from dlama.geometry.holes import iou
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.find import find_shadow
 from dlama.worlds.dataset import open_dataset_or_worlds
-from rules import SHADOW_RULES, without
+from rules import SHADOW_RULES
 from world_cases import SENSORS, as_seen
 
 WORLDS = {"tune": "worlds:16:3000", "validate": "worlds:16:5000"}
@@ -44,12 +44,12 @@ def frames(split: str, shared: Path) -> Iterator[tuple[str, RGBD, BoolArray, Boo
             yield "sensor", seen, truth.mask, true
 
 
-def score(found: BoolArray, true: BoolArray, mask: BoolArray) -> float:
+def scores_of(rgbd: RGBD, mask: BoolArray, true: BoolArray) -> list[float]:
     """Of a frame, 0..1."""
-    found = found & outside_contact_band(mask)
+    found = find_shadow(rgbd, mask) & outside_contact_band(mask)
     if true.sum() < SMALLEST_SHADOW_PX:
-        return float(found.sum() < SMALLEST_SHADOW_PX)
-    return iou(found, true)
+        return [float(found.sum() < SMALLEST_SHADOW_PX)]
+    return [iou(found, true)]
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -58,31 +58,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--split", choices=tuple(WORLDS), default="tune")
     parser.add_argument("--rules", nargs="+", choices=tuple(SHADOW_RULES), default=list(SHADOW_RULES))
     args = parser.parse_args(argv)
-    names = ["", *args.rules]
-    scores: dict[str, list[list[float]]] = {}
-    seconds = np.zeros(len(names))
-    for domain, rgbd, mask, true in frames(args.split, args.shared):
-        row = []
-        for number, rule in enumerate(names):
-            with without(rule):
-                started = time.process_time()
-                row.append(score(find_shadow(rgbd, mask), true, mask))
-                seconds[number] += time.process_time() - started
-        scores.setdefault(domain, []).append(row)
-    print("| without | " + " | ".join(f"{name} ({len(rows)})" for name, rows in scores.items()) + " | time |")
-    print("|" + "---|" * (len(scores) + 2))
-    for number, rule in enumerate(names):
-        cells = []
-        for rows in scores.values():
-            values = np.array(rows)
-            change = values[:, number] - values[:, 0]
-            low, high = interval(change[:, None].tolist())
-            cells.append(f"{change.mean():+.3f} ({low:+.3f}, {high:+.3f})" if rule else f"{values[:, 0].mean():.3f}")
-        print(
-            f"| {rule or '(all rules)'} | "
-            + " | ".join(cells)
-            + f" | {100 * (seconds[number] / seconds[0] - 1):+.0f} % |"
-        )
+    cases = frames(args.split, args.shared)
+    leave_out_rules(((domain, partial(scores_of, *case)) for domain, *case in cases), args.rules)
 
 
 if __name__ == "__main__":

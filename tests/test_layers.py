@@ -33,6 +33,8 @@ ORDER = [
     "apps",
 ]
 TOP = {"__init__", "__main__"}  # the shop window and the door may know every room
+MEASURING = ["metrics", "protocols", "runner", "report"]
+"""Folders of the room evaluation in their order: a metric is pure, and a change of the report leaves every result as it is."""
 
 
 def room_of(path: Path) -> str:
@@ -59,6 +61,12 @@ def offences(room: str, code: str) -> list[str]:
     allowed = ["errors", "writing", "nets"] if room == "nets" else ORDER[: ORDER.index(room) + 1]
     shop_window = ["__version__", "dlama"] if room in ("web", "apps") else ["__version__"]
     return [name for name in imported(code) if [*name.split("."), "dlama"][1] not in [*allowed, *shop_window]]
+
+
+def later_folders(folder: str, code: str) -> list[str]:
+    """What a file of a folder of MEASURING imports from those after it."""
+    later = tuple(f"dlama.evaluation.{one}." for one in MEASURING[MEASURING.index(folder) + 1 :])
+    return [name for name in imported(code) if name.startswith(later)]
 
 
 def arrows(files: Mapping[str, str]) -> dict[str, set[str]]:
@@ -100,6 +108,13 @@ def test_imports_between_rooms_run_one_way() -> None:
     assert {name: found for name, found in wrong.items() if found} == {}
 
 
+def test_what_measures_knows_nothing_of_the_report() -> None:
+    """Every file of evaluation's folders."""
+    files = {path: path.parent.name for path in (SOURCE / "evaluation").glob("*/*.py")}
+    assert set(files.values()) == set(MEASURING)
+    assert [path for path, folder in files.items() if later_folders(folder, path.read_text("utf-8"))] == []
+
+
 def test_no_circle_of_files() -> None:
     """Inside rooms too."""
     files = {}
@@ -120,6 +135,10 @@ def test_these_guards_can_fail() -> None:
     assert offences("files", "from ..apps import cli") == ["..apps.cli"]
     assert offences("nets", "from dlama.geometry.view import View") == ["dlama.geometry.view.View"]
     assert offences("files", "import numpy\nfrom dlama.geometry.view import View\nfrom dlama import geometry") == []
+    measuring = "def f():\n    from dlama.evaluation.report import panels\nfrom dlama.evaluation.metrics import depth"
+    assert later_folders("runner", measuring) == ["dlama.evaluation.report.panels"] and not later_folders(
+        "report", measuring
+    )
     files = {"dlama.a": "import dlama.b", "dlama.b": "def f():\n    from dlama.c import x", "dlama.c": "import dlama.b"}
     assert circles(arrows(files)) == [["dlama.b", "dlama.c"]]
     assert circles(arrows(files | {"dlama.c": "import numpy"})) == []

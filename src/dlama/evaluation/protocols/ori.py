@@ -47,11 +47,7 @@ from dlama.geometry.view import View
 
 
 def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
-    """The plain run, with its panel, and one run for each change of the mask that leaves something of it.
-
-    Raises:
-        InputError: what the completion raises.
-    """
+    """The plain run, with its panel, and one run for each change of the mask that leaves something of it."""
     assert isinstance(truth, RemovalTruth)
     run, measures = run_with(truth.mask, truth, method, settings)
     shown = picture_panel(run, reference_of(truth, settings), truth.source, truth.without)

@@ -50,11 +50,8 @@ RIGHT = "-right"
 
 
 def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
-    """The plain run, with its panel; without masks also the run that finds the disparity itself.
-
-    Raises:
-        InputError: masks without true frames, or what the completion raises.
-    """
+    """The plain run, with its panel; without masks also the run that finds the disparity itself. InputError: masks without true
+    frames."""
     assert isinstance(truth, StereoTruth)
     if truth.mask_left is not None:
         return [score_removal(truth, method, settings)]

@@ -30,11 +30,7 @@ from dlama.inpainters.confidence import COLOR_WITHIN
 
 
 def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
-    """The plain run, with its panel, and the runs of the second experiment, where the truth has what they need.
-
-    Raises:
-        InputError: what the completion raises.
-    """
+    """The plain run, with its panel, and the runs of the second experiment, where the truth has what they need."""
     assert isinstance(truth, ViewTruth)
     scored = [score_view(truth, method, settings)]
     if truth.object_mask is not None and truth.target_without is not None and truth.object_mask.any():

@@ -110,7 +110,7 @@ def train(
         if first:  # only now: what was refused above leaves no settings, by which a run would be known
             write_data(run, data)
             write_file(run / SETTINGS, to_json(settings))
-        checkpoint = _checkpoint(run) if resume else {}
+        checkpoint = _checkpoint(run, resume)
         if checkpoint:
             restore(module, checkpoint, settings.loop.devices * settings.loop.nodes)
         before = checkpoint.get("seconds", 0.0)
@@ -121,11 +121,12 @@ def train(
     return TrainingResult(run, module.step, ended, network, first)
 
 
-def _checkpoint(run: Path) -> dict[str, Any]:
+def _checkpoint(run: Path, resume: bool) -> dict[str, Any]:
     """What a run is resumed from; nothing where it begins anew."""
-    if holds_run(run):
+    if resume and holds_run(run):
         return read_checkpoint(run / LAST)
-    LOG.info("the run was ended before its first checkpoint, so it begins anew")
+    if resume:
+        LOG.info("the run was ended before its first checkpoint, so it begins anew")
     return {}
 
 

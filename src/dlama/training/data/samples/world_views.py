@@ -114,7 +114,7 @@ def _world_views(worlds: WorldSet, number: int, paired: bool = False) -> WorldVi
         both = ((left, move_sideways(left, float(rng.uniform(*SHIFT_M)))) for left in lefts)
         return WorldViews(made, tuple(itertools.chain(*both)), tuple((n, n + 1) for n in range(0, VIEWS, 2)))
     cameras = _random_move(rng, [made.camera(yaw, size, fov) for yaw in yaws])
-    pairs = [(i, j) for i in range(VIEWS) for j in range(VIEWS) if i != j and abs(yaws[i] - yaws[j]) <= LARGEST_YAW]
+    pairs = [(i, j) for i, j in itertools.permutations(range(VIEWS), 2) if abs(yaws[i] - yaws[j]) <= LARGEST_YAW]
     rng.shuffle(pairs)
     return WorldViews(made, cameras, tuple((int(i), int(j)) for i, j in pairs))
 
