@@ -179,6 +179,14 @@ def moved(camera: Camera, turn: Triple = (0, 0, 0), shift: Triple = (0, 0, 0)) -
     return camera.at(camera.world_from_cam @ pose_of(np.radians(turn), shift))
 
 
+def drift(camera: Camera, rng: np.random.Generator) -> Camera:
+    """The camera .8 degrees and 2 cm off, as hand-held ones are: standard deviations of each axis."""
+    pose = camera.world_from_cam.copy()
+    pose[:3, :3] = cv2.Rodrigues(np.radians(rng.normal(0, 0.8, 3)))[0] @ pose[:3, :3]
+    pose[:3, 3] += rng.normal(0, 0.02, 3)
+    return camera.at(pose)
+
+
 def rotation(vector: np.ndarray) -> np.ndarray:
     """3x3 rotation about `vector` by its length in radians (Rodrigues)."""
     angle = float(np.linalg.norm(vector))

@@ -14,8 +14,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift, project
 from dlama.geometry.rgbd import RGBD
 from dlama.worlds.dataset import world
-from drifted_poses import drift
 from posed_folders import write_nerfstudio
+from worlds import drift
 
 YAWS = (-4, 0, 4, 8)
 

@@ -1,4 +1,4 @@
-"""Runs that case a second or two: settings, a source of four samples, and a source that spoils one batch."""
+"""Runs that take a second or two: settings, a source of four samples, and a source that spoils one batch."""
 
 from __future__ import annotations
 

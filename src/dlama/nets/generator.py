@@ -149,17 +149,13 @@ class Generator(nn.Module):
 
         Raises ShapeError for other channel counts and for sizes off the multiple or below the minimum.
         """
-        if not torch.jit.is_tracing():  # a trace would keep this one picture's answer
-            self._refuse_size(tuple(x.shape))
-        return self.model(x)
-
-    def _refuse_size(self, shape: tuple[int, ...]) -> None:
-        s = self.settings
+        s, shape = self.settings, tuple(x.shape)
         if len(shape) != 4 or shape[1] != s.in_channels:
             raise ShapeError(f"generator: input is {shape}, expected B x {s.in_channels} x H x W")
         if any(side % s.multiple or side < s.minimum for side in shape[2:]):
             expected = f"multiples of {s.multiple}, {s.minimum} or more"
             raise ShapeError(f"generator: height and width are {shape[2]} and {shape[3]}, expected {expected}")
+        return self.model(x)
 
 
 class _PadAndSplit(nn.Module):

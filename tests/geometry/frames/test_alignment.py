@@ -14,7 +14,7 @@ from dlama.geometry.frames.alignment import Features, align_frames, detect_featu
 from dlama.geometry.frames.pose_system import _solve, measure_offset
 from dlama.geometry.rgbd import RGBD
 from dlama.worlds.dataset import world
-from drifted_poses import drift
+from worlds import drift
 
 YAWS = (-4, 0, 4)
 

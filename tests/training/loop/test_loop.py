@@ -241,7 +241,7 @@ def test_the_run_continues_when_a_checkpoint_fails_but_not_without_the_last(tmp_
 
 
 def test_what_is_refused_leaves_no_run(tmp_path):
-    """Oracle: law; after a wrong --data the same directory cases the right command."""
+    """Oracle: law; after a wrong --data the same directory takes the right command."""
     with pytest.raises(InputError, match="no such folder"):
         train(toy(steps=1), tmp_path / "run", data=[tmp_path / "gone"])
     assert train(toy(steps=1), tmp_path / "run").step == 1

@@ -159,7 +159,7 @@ def test_a_checkpoint_that_would_run_code_is_refused(tmp_path):
 
 
 def test_batches_are_a_function_of_the_position():
-    """Oracle: law; two processes together case what one cases with the doubled batch, also from the middle on."""
+    """Oracle: law; two processes together take what one takes with the doubled batch, also from the middle on."""
     assert [number for batch in batch_numbers(0, 6, 4) for number in batch] == list(range(24))
     halves = [batch_numbers(8, 4, 2, rank, 2) for rank in (0, 1)]
     assert [[*a, *b] for a, b in zip(*halves)] == [list(batch) for batch in batch_numbers(8, 4, 4)]
