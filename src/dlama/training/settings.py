@@ -15,9 +15,6 @@ from dlama.errors import InputError
 from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings, generator_shapes
 from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
-TRUNKS = ("random", "lpips")
-"""Names of the perceptual term's frozen network."""
-
 
 @dataclass(frozen=True)
 class NetworkSettings:
@@ -96,14 +93,14 @@ class LossSettings:
     """1 - cosine between normals: planes are flat in inverse depth too."""
     depth_law: float = 30.0
     """By how much filled depth is nearer than the visibility law allows."""
-    trunk: str = "random"
+    trunk: Literal["random", "lpips"] = "random"
     """Network of the perceptual term: random (frozen random weights), or lpips (the distance of the evaluation, from the file
     that ships, in place of equation 5)."""
     trunk_width: int = 32
     """First layer's channels of the random trunk."""
 
     def __post_init__(self) -> None:
-        check_word(self.trunk, "loss.trunk", TRUNKS)
+        check_word(self.trunk, "loss.trunk", ("random", "lpips"))
         numbers = [each.name for each in fields(self) if isinstance(getattr(self, each.name), (int, float))]
         _check("loss", self, "0 or more", lambda value: 0 <= value < math.inf, *numbers)
         _check("loss", self, "1 or more", lambda value: value >= 1, "penalty_every", "trunk_width")

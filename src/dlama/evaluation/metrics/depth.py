@@ -42,10 +42,6 @@ def depth_errors(mine: Float32Array, truth: Float32Array, region: BoolArray | No
     there, guess = there[known], guess[known]
     limit = SETTINGS.depth_clip_m
     cut = np.where(guess > 0, np.minimum(guess, limit), limit) - np.minimum(there, limit)
-    return {"mae": mean_or_nan(np.abs(cut)), "rmse": math.sqrt(mean_or_nan(cut**2)), **_valid_errors(guess, there)}
-
-
-def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
     valid = np.isfinite(there)
     guess, there = guess[valid], there[valid]
     both = np.isfinite(guess) & (guess > 0)
@@ -53,6 +49,8 @@ def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
     ratio = np.full(len(there), np.inf)
     ratio[both] = np.maximum(guess[both] / there[both], there[both] / guess[both])
     return {
+        "mae": mean_or_nan(np.abs(cut)),
+        "rmse": math.sqrt(mean_or_nan(cut**2)),
         "absrel": mean_or_nan(np.abs(error) / there[both]),
         **{f"delta{limit:g}": mean_or_nan(ratio < limit) for limit in SETTINGS.depth_deltas},
         "coverage": mean_or_nan(both),

@@ -65,8 +65,10 @@ def features(picture: UInt8Array) -> Features:
 
 @lru_cache(maxsize=REMEMBERED)
 def _features(levels: bytes, shape: tuple[int, ...]) -> Features:
-    picture = np.frombuffer(levels, np.uint8).reshape(shape)
-    return tuple(tap[0] for tap in _network().run_all({"picture": _network_input(picture)}))
+    picture = np.frombuffer(levels, np.uint8).reshape(*shape[:2], -1)
+    planes = np.broadcast_to(picture, (*shape[:2], 3)).astype(np.float32) * np.float32(2 / 255) - np.float32(1)
+    batch = np.ascontiguousarray(planes.transpose(2, 0, 1)[None])  # -1..1
+    return tuple(tap[0] for tap in _network().run_all({"picture": batch}))
 
 
 def distance(a: Features, b: Features) -> float:
@@ -87,13 +89,6 @@ def distance_map(a: Features, b: Features, hw: tuple[int, int]) -> Float64Array:
 @lru_cache
 def _network() -> NetworkFile:
     return NetworkFile(NETWORK, "cpu", threads=1)  # frames run side by side
-
-
-def _network_input(picture: UInt8Array) -> Float32Array:
-    """1 x 3 x H x W float32, 0..255 brought to -1..1."""
-    planes = np.broadcast_to(picture if picture.ndim == 3 else picture[..., None], (*picture.shape[:2], 3))
-    scaled = planes.astype(np.float32) * np.float32(2 / 255) - np.float32(1)
-    return np.ascontiguousarray(scaled.transpose(2, 0, 1)[None])
 
 
 def _tap_maps(a: Features, b: Features) -> list[Float64Array]:

@@ -37,8 +37,6 @@ from dlama.evaluation.protocols.scores import (
     reliability_measures,
     view_measures,
 )
-from dlama.geometry.camera import Float64Array
-from dlama.geometry.cloud import PointCloud
 from dlama.geometry.codes import HoleType, from_filler
 from dlama.geometry.holes import grow_or_shrink
 from dlama.geometry.projection import lift, project_to_pixels
@@ -126,12 +124,7 @@ def cloud_measures(run: MethodRun, without: RGBD, inside: BoolArray) -> list[Mea
     truth = lift(View.from_rgbd(without).without(~inside, HoleType.NONE))
     if not run.method.fills or not len(truth):
         return []
-    mine = filled_points(run.completion.background, without, inside)
-    return measures_of("mask", "cloud", cloud_scores(mine, np.asarray(truth.points)))
-
-
-def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> Float64Array:
-    """The filled points of a cloud that fall into a region of a frame: N x 3, metres in the world."""
-    points = np.asarray(cloud.points[from_filler(cloud.origin)])
-    row, column, _, lands = project_to_pixels(points, frame.camera)
-    return points[lands & inside[row, column]]
+    cloud = run.completion.background
+    filled = np.asarray(cloud.points[from_filler(cloud.origin)])
+    row, column, _, lands = project_to_pixels(filled, without.camera)
+    return measures_of("mask", "cloud", cloud_scores(filled[lands & inside[row, column]], np.asarray(truth.points)))

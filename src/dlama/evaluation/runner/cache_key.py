@@ -38,13 +38,9 @@ WEIGHTS = ("assets/confidence/confidence.npz",)
 def cache_key(case: str, method: str, settings: ProtocolSettings, protocol: Callable[..., Any]) -> str:
     """The key of one result: 16 hexadecimal digits of its case's and method's hashes, all settings, dlama's own code, and what it
     computes with."""
-    return short_hash([code_hash(), compute_versions(), case, method, METRIC_SETTINGS, settings, protocol])
-
-
-def compute_versions() -> dict[str, Any]:
-    """What results are computed with: versions of packages, who runs networks, weights that come with dlama."""
     weights = {name: sha256_while_unchanged(SOURCE / name) for name in WEIGHTS if (SOURCE / name).is_file()}
-    return {"versions": versions(), "provider": default_provider(), "weights": weights}
+    computing = {"versions": versions(), "provider": default_provider(), "weights": weights}
+    return short_hash([code_hash(), computing, case, method, METRIC_SETTINGS, settings, protocol])
 
 
 @functools.lru_cache(maxsize=1)

@@ -183,8 +183,9 @@ def _plan(
         for method in methods:
             key = cache_key(hashed, method_hashes[method.label], settings, protocols[case.protocol])
             found = read_stored(folder / "cases" / f"{stem(case, method)}.json")
-            shown = not pictures or picture_of(folder, stem(case, method)).is_file()
-            if found is not None and found.cache_key == key and _has_panels(folder, found) and shown:
+            files = [] if found is None else [folder / "panels" / file for file in found.panels.values()]
+            files += [picture_of(folder, stem(case, method))] if pictures else []
+            if found is not None and found.cache_key == key and all(file.is_file() for file in files):
                 reused += 1
             else:
                 todo.append((method, key))
@@ -192,10 +193,6 @@ def _plan(
         if todo:
             tasks.append(Task(case, tuple(todo), protocols[case.protocol], settings, folder, pictures))
     return tasks, reused, stale
-
-
-def _has_panels(folder: Path, found: Stored) -> bool:
-    return all((folder / "panels" / file).is_file() for file in found.panels.values())
 
 
 def work(task: Task) -> Iterator[Outcome]:

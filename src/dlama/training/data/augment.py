@@ -104,7 +104,10 @@ def mirror_at_random(sample: dict[str, np.ndarray], rng: np.random.Generator, vi
 def change_light(sample: dict[str, np.ndarray], rng: np.random.Generator, colors: int) -> dict[str, np.ndarray]:
     """The sample with another brightness, contrast, gamma and tint of its `colors` colour planes, in input and target alike; the
     hole stays 0."""
-    table = random_light(rng)
+    gain = (1 + rng.uniform(-GAIN, GAIN)) * (1 + rng.uniform(-TINT, TINT, 3))
+    power, contrast = 2.0 ** rng.uniform(-GAMMA, GAMMA), 1 + rng.uniform(-CONTRAST, CONTRAST)
+    levels = np.linspace(0, 1, 256)[None] ** power * gain[:, None]
+    table = np.clip((levels - 0.5) * contrast + 0.5, 0, 1).astype(np.float32)  # 3 x 256
     made, hole = dict(sample), sample["mask"].repeat(colors // len(sample["mask"]), 0)
     for key in ("input", "target"):
         planes = made[key].copy()
@@ -115,14 +118,6 @@ def change_light(sample: dict[str, np.ndarray], rng: np.random.Generator, colors
             planes[:colors] *= 1 - hole
         made[key] = planes
     return made
-
-
-def random_light(rng: np.random.Generator) -> Float32Array:
-    """3 x 256 in 0..1: what each level of each channel becomes under another brightness, contrast, gamma and tint."""
-    gain = (1 + rng.uniform(-GAIN, GAIN)) * (1 + rng.uniform(-TINT, TINT, 3))
-    power, contrast = 2.0 ** rng.uniform(-GAMMA, GAMMA), 1 + rng.uniform(-CONTRAST, CONTRAST)
-    levels = np.linspace(0, 1, 256)[None] ** power * gain[:, None]
-    return np.clip((levels - 0.5) * contrast + 0.5, 0, 1).astype(np.float32)
 
 
 def _swap_views(planes: np.ndarray) -> np.ndarray:

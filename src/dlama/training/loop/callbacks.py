@@ -204,11 +204,15 @@ class RunCallback(pl.Callback):
             return
         rate, waiting = self.stopwatch.row(module.samples)
         self._row_step = module.step
+        on_gpu = module.device.type == "cuda"
+        memory = (
+            torch.cuda.max_memory_allocated(module.device) if on_gpu else (peak_mib(since_reset=False) or 0.0) * 2**20
+        )
         speed = (
             self.settings.optimiser.generator_rate * rate_factor(self.settings, max(module.step - 1, 0)),
             rate,
             waiting,
-            peak_memory(module.device) / 1e9,
+            memory / 1e9,
         )
         seconds = self.stopwatch.seconds
         progress = {"step": module.step, "samples": module.samples, "seconds": seconds, **dict(zip(SPEED, speed))}
@@ -255,10 +259,3 @@ def columns(settings: TrainSettings) -> list[str]:
     if settings.loss.uses_discriminator:
         terms += ["discriminator", *["gradient_penalty"] * (settings.loss.gradient_penalty > 0), "discriminator_norm"]
     return [*SPEED, *terms, *(f"held_out_{name}" for name in metric_names(settings.network))]
-
-
-def peak_memory(device: torch.device) -> float:
-    """Bytes, since the process began; 0 where the system does not count them."""
-    if device.type == "cuda":
-        return torch.cuda.max_memory_allocated(device)
-    return (peak_mib(since_reset=False) or 0.0) * 2**20

@@ -40,7 +40,7 @@ class TrainingModule(pl.LightningModule):
         torch.manual_seed(settings.loop.seed)
         self.generator: Generator = initial_generator(settings.network)
         self.discriminator = Discriminator(settings.network.discriminator) if settings.loss.uses_discriminator else None
-        self.average = moving_average(self.generator)
+        self.average = copy.deepcopy(self.generator).eval().requires_grad_(False)
         self.perceptual: PerceptualLoss | LpipsLoss | None = (
             perceptual_loss(settings.loss) if settings.loss.perceptual else None
         )
@@ -185,11 +185,6 @@ def initial_generator(network: NetworkSettings) -> Generator:
         raise InputError(f"{network.start}: is {weights.settings}; {network.generator} is expected by the settings")
     state = widen(weights.state, network.generator.in_channels, network.generator.out_channels)
     return generator_from_state(state).train()
-
-
-def moving_average(network: nn.Module) -> nn.Module:
-    """A moving average of the network's weights, at its beginning: a copy in eval mode that takes no gradient."""
-    return copy.deepcopy(network).eval().requires_grad_(False)
 
 
 @torch.no_grad()
