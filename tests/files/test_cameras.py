@@ -217,7 +217,7 @@ def test_what_is_no_calib_txt(tmp_path: Path) -> None:
     """A camera of COLMAP: the line that is none, and what else is a camera file."""
     path = saved(tmp_path / "cameras.txt", "# Camera list\n1 PINHOLE 640 480 526 526 320 240\n")
     with pytest.raises(
-        FileError, match=r"cameras\.txt: .*a line is '# Camera list'; 'name=value' is expected, or a JSON file$"
+        FileError, match=r"cameras\.txt: .*a line is '# Camera list'; 'name=value' is expected, or a JSON"
     ):
         read_camera(path)
 
@@ -339,9 +339,7 @@ def test_a_distortion_is_warned_of(tmp_path: Path) -> None:
     """Pictures that image_rect made undistorted have the projection matrix, which the warning names; they were read with
     camera_matrix in silence."""
     bent = ROS.replace("data: [0.0", "data: [0.1")
-    with pytest.warns(
-        UserWarning, match=r"its distortion \(0.1, 0, .*is not used: the picture is expected to be undist"
-    ):
+    with pytest.warns(UserWarning, match=r"its distortion \(0.1, 0, .*is not used: .* to be undistorted"):
         read_camera(saved(tmp_path / "d.yaml", bent))
     bent += "projection_matrix:\n  rows: 3\n  cols: 4\n  data: [480.0, 0, 310.5, 0, 0, 481.0, 240.5, 0, 0, 0, 1, 0]\n"
     with pytest.warns(UserWarning, match=r"give `fx=480` `fy=481` `cx=310.5` `cy=240.5` `pixel_center=0.0`\)"):
@@ -463,9 +461,7 @@ def test_a_matrix_in_the_place_of_four_numbers(tmp_path: Path) -> None:
 def test_a_field_that_stands_twice_is_refused(tmp_path: Path, read: Any) -> None:
     """At any depth of a JSON; oracle: the message names file and field."""
     for text in ('{"fx": 1, "fx": 2}', '{"K": {"left_K": 0, "left_K": 0}}'):
-        with pytest.raises(
-            FileError, match=r"c\.json: field '(fx|left_K)' is given twice; each field is expected once"
-        ):
+        with pytest.raises(FileError, match=r"c\.json: field '(fx|left_K)' is given twice"):
             read(saved(tmp_path / "c.json", text))
 
 

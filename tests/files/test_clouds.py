@@ -47,16 +47,7 @@ def test_ply_as_others_see_it(tmp_path: Path) -> None:
     write_ply(tmp_path / "c.ply", cloud)
     head = PlyData.read(str(tmp_path / "c.ply"))
     assert not head.text and head.byte_order == "<" and len(head.elements) == 1
-    assert [p.name for p in head["vertex"].properties] == [
-        "x",
-        "y",
-        "z",
-        "red",
-        "green",
-        "blue",
-        "origin",
-        "confidence",
-    ]
+    assert [p.name for p in head["vertex"].properties] == [*"xyz", "red", "green", "blue", "origin", "confidence"]
     assert [p.val_dtype for p in head["vertex"].properties] == ["f4"] * 3 + ["u1"] * 4 + ["f4"]
     seen = trimesh.load(tmp_path / "c.ply")
     assert np.allclose(seen.vertices, cloud.points) and np.array_equal(seen.colors[:, :3], cloud.color)

@@ -160,9 +160,7 @@ def test_dynamic_depth(tmp_path: Path) -> None:
 def test_relative_depth_is_said_and_fitted(tmp_path: Path) -> None:
     """A line says that metres are the phone's guess; two known depths give factor and shift, so both come out as given."""
     path = apple_jpeg(tmp_path / "IMG.jpg")
-    with pytest.warns(
-        UserWarning, match=r"depth is relative \(JPEG, Apple disparity\): its metres are the phone's guess"
-    ):
+    with pytest.warns(UserWarning, match=r"relative \(JPEG, Apple disparity\): its metres are the phone's guess"):
         read_rgbd(path, sharpen=False)
     rgbd = read_rgbd(path, sharpen=False, metres_at=[(20, 48, 5.0), (110, 48, 1.5)])
     assert (rgbd.estimate or {})["scale"]["rule"] == "metres_at"
@@ -174,9 +172,7 @@ def test_much_depth_at_the_far_limit_is_said(tmp_path: Path) -> None:
     codes = CODES.copy()
     codes[:16] = 255
     path = put(tmp_path / "a.jpg", gdepth(COLOR, codes, 0.4, 6.0, "RangeInverse", False))
-    with pytest.warns(
-        UserWarning, match=r"34% of its depth lie at the farthest .* 6 m, and may be farther; `far=5.94`"
-    ):
+    with pytest.warns(UserWarning, match=r"34% of its depth lie at the farthest .* 6 m, .*; `far=5.94`"):
         read_rgbd(path, fov=60, sharpen=False)
     assert read_rgbd(path, fov=60, sharpen=False, far=5.94).far.mean() == pytest.approx(1 / 3, abs=0.03)
 
@@ -225,9 +221,7 @@ def test_photos_without_depth(tmp_path: Path) -> None:
 
 def test_depth_of_another_field_of_view_is_not_used(tmp_path: Path) -> None:
     path = put(tmp_path / "a.jpg", gdepth(COLOR[:60], CODES, 0.4, 6.0, "RangeInverse", False))
-    with pytest.warns(
-        UserWarning, match=r"in it is 64x48 and the picture 128x60; they do not show the same; depth is est"
-    ):
+    with pytest.warns(UserWarning, match=r"is 64x48 and the picture 128x60; .*not show the same; depth is est"):
         read_rgbd(path, fov=60, metres_at=KNOWN)
 
 

@@ -26,17 +26,15 @@ EXPECTED[2:4, 3:6] = True
 SMOOTH = np.clip(np.add.outer(np.arange(90), np.arange(130))[..., None] + [0, 20, 36], 0, 255).astype(np.uint8)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".bmp", ".ppm"])
 def test_color_there_and_back(tmp_path: Path, suffix: str) -> None:
-    """Oracles: the round trip, and imageio reading our file; what OpenCV and imageio write."""
+    """Oracles: the round trip, and imageio reading our file; what OpenCV writes, bit for bit."""
     path = tmp_path / f"c{suffix}"
     write_color(path, COLOR)
-    assert np.array_equal(read_color(path), COLOR)
+    assert np.array_equal(read_color(path), COLOR) and picture_hw(path) == COLOR.shape[:2]
     assert np.array_equal(imageio.imread(path), COLOR)
     cv2.imwrite(str(path), COLOR)
     assert np.array_equal(read_color(path), COLOR[..., ::-1])
-    imageio.imwrite(tmp_path / "c.jpg", SMOOTH, quality=95)
-    assert np.abs(read_color(tmp_path / "c.jpg").astype(int) - SMOOTH).mean() < 3
 
 
 def test_webp_is_read_and_an_animated_one_refused(tmp_path: Path) -> None:
@@ -48,23 +46,12 @@ def test_webp_is_read_and_an_animated_one_refused(tmp_path: Path) -> None:
     picture.save(tmp_path / "b.webp", lossless=True, exif=turned)
     assert np.array_equal(read_color(tmp_path / "b.webp"), np.rot90(COLOR, -1))
     picture.save(tmp_path / "c.webp", save_all=True, append_images=[Image.fromarray(255 - COLOR)])
-    with pytest.raises(
-        FileError, match=r"c\.webp: holds more than one frame; a file with a single picture is expected"
-    ):
+    with pytest.raises(FileError, match=r"c\.webp: holds more than one frame"):
         read_color(tmp_path / "c.webp")
     whole = (tmp_path / "a.webp").read_bytes()
     (tmp_path / "d.webp").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(FileError, match=r"d\.webp: is damaged or truncated"):
         read_color(tmp_path / "d.webp")
-
-
-@pytest.mark.parametrize("suffix", [".bmp", ".ppm"])
-def test_bmp_and_ppm_are_read(tmp_path: Path, suffix: str) -> None:
-    """What OpenCV and Pillow write, bit for bit."""
-    path = tmp_path / f"c{suffix}"
-    for write in (lambda: cv2.imwrite(str(path), COLOR[..., ::-1]), lambda: Image.fromarray(COLOR).save(path)):
-        write()
-        assert np.array_equal(read_color(path), COLOR) and picture_hw(path) == COLOR.shape[:2]
 
 
 @pytest.mark.parametrize("largest", [65535, 4095])
@@ -77,9 +64,10 @@ def test_a_pgm_of_16_bits_keeps_its_numbers(tmp_path: Path, largest: int) -> Non
     assert np.allclose(read_depth(path, depth_scale=1000)[1:], values[1:] / 1000)
 
 
-def test_avif_is_read_and_turned_by_its_tag(tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", [".jpg", ".avif"])
+def test_lossy_pictures_are_read_and_turned_by_their_tag(tmp_path: Path, suffix: str) -> None:
     """Oracle: what was saved, but for what its compression loses; orientation 6 shows the stored picture turned to the right."""
-    path = tmp_path / "c.avif"
+    path = tmp_path / f"c{suffix}"
     exif = Image.Exif()
     exif[274] = 6
     Image.fromarray(SMOOTH).save(path, quality=95, exif=exif)
@@ -112,28 +100,23 @@ def test_pictures_of_fewer_bits_in_16_are_warned_of(tmp_path: Path, bits: int) -
     assert len(dark) == len(reported) - 1 == (bits < 15)
 
 
-def test_transparent_colours_of_a_palette_are_warned_of(tmp_path: Path) -> None:
-    """Truth: one of two colours of the palette is transparent, and covers a quarter of the picture."""
-    picture = Image.fromarray((np.indices((10, 20))[1] < 5).astype(np.uint8))
-    picture.putpalette([9, 8, 7, 200, 100, 50])
-    picture.save(tmp_path / "cut.png", transparency=1)
-    with pytest.warns(UserWarning, match=r"transparent pixels \(25 %\)"):
-        assert read_color(tmp_path / "cut.png")[0, 0].tolist() == [200, 100, 50]
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_transparent_pixels_are_warned_of(tmp_path: Path, dtype: type) -> None:
-    """Oracle: the share of the alpha that OpenCV wrote; the cut-out's black counted as measured without a word."""
-    most = np.iinfo(dtype).max
-    values = np.full((10, 20, 4), most, dtype)
-    values[:4, :, 3] = most // 2
-    cv2.imwrite(str(tmp_path / "cut.png"), values)
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "palette"])
+def test_transparent_pixels_are_warned_of(tmp_path: Path, kind: str) -> None:
+    """Oracle: the share of the alpha that was written, or of one of two colours of a palette; they count as measured."""
+    path = tmp_path / "cut.png"
+    if kind == "palette":
+        picture = Image.fromarray((np.indices((10, 20))[0] < 4).astype(np.uint8))
+        picture.putpalette([9, 8, 7, 200, 100, 50])
+        picture.save(path, transparency=1)
+    else:
+        values = np.full((10, 20, 4), np.iinfo(kind).max, kind)
+        values[:4, :, 3] //= 2
+        cv2.imwrite(str(path), values)
     with pytest.warns(UserWarning) as caught:
-        read_color(tmp_path / "cut.png")
-    reported = [str(one.message) for one in caught if "16 bits" not in str(one.message)]
-    assert reported == [
-        f"{tmp_path / 'cut.png'}: alpha is dropped; the colours of its transparent pixels (40 %) count as measured"
-    ]
+        shown = read_color(path)[0, 0].tolist()
+    assert shown == ([200, 100, 50] if kind == "palette" else [255] * 3)
+    words = f"{path}: alpha is dropped; the colours of its transparent pixels (40 %) count as measured"
+    assert [str(one.message) for one in caught if "16 bits" not in str(one.message)] == [words]
 
 
 @pytest.mark.parametrize("mode", ["L", "LA", "RGBA", "P", "1"])
@@ -376,9 +359,7 @@ def test_the_preview_of_a_raw_file_is_not_taken_for_the_picture(tmp_path: Path) 
         raw.write(COLOR, photometric="rgb", subfiletype=1, subifds=1)
         raw.write(sensor, photometric="minisblack", subfiletype=0)
     for read in (read_color, picture_hw):
-        with pytest.raises(
-            FileError, match=r"a\.nef: is a raw file of a camera; develop it, and save it as TIFF or PNG"
-        ):
+        with pytest.raises(FileError, match=r"a\.nef: is a raw file of a camera; develop it"):
             read(tmp_path / "a.nef")
     tifffile.imwrite(tmp_path / "small.tif", COLOR, photometric="rgb", subfiletype=1)
     assert np.array_equal(read_color(tmp_path / "small.tif"), COLOR)

@@ -7,7 +7,7 @@ import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,19 +16,8 @@ from dlama.files.scenes.splats import FIELDS, write_splats
 from dlama.files.scenes.spz import write_spz
 
 
-class Splats(NamedTuple):
-    """What a file holds, in its own axes."""
-
-    bits: int
-    points: np.ndarray
-    opacity: np.ndarray
-    color: np.ndarray
-    sizes: np.ndarray
-    turns: np.ndarray
-
-
-def read_spz(path: Path) -> Splats:
-    """Number by number, as the specification has them."""
+def read_spz(path: Path) -> SimpleNamespace:
+    """What a file holds, in its own axes, number by number, as the specification has them."""
     data = gzip.decompress(path.read_bytes())
     magic, version, count, degree, bits, flags, reserved = struct.unpack_from("<IIIBBBB", data)
     assert (magic, version, degree, flags, reserved) == (0x5053474E, 3, 0, 0, 0)
@@ -44,10 +33,10 @@ def read_spz(path: Path) -> Splats:
     at += 3 * count
     scales = [data[at + n] / 16 - 10 for n in range(3 * count)]
     at += 3 * count
+    three = {"points": points, "color": color, "sizes": scales}
     turns = [smallest_three(int.from_bytes(data[at + 4 * n : at + 4 * n + 4], "little")) for n in range(count)]
-    three = (np.array(values).reshape(count, 3) for values in (points, color, scales))
-    points_, color_, scales_ = three
-    return Splats(bits, points_, np.array(alphas), color_, scales_, np.array(turns).reshape(count, 4))
+    found = {name: np.array(values).reshape(count, 3) for name, values in three.items()}
+    return SimpleNamespace(bits=bits, opacity=np.array(alphas), turns=np.array(turns).reshape(count, 4), **found)
 
 
 def smallest_three(word: int) -> list[float]:

@@ -70,8 +70,6 @@ def test_without_the_package_the_error_says_what_to_install(tmp_path: Path, monk
     """The extra by name, and no file."""
     for name in ("pxr", "pxr.Usd"):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(
-        MissingExtraError, match=r"a USDZ file needs the package 'usd-core': pip install 'dlama\[usd\]'"
-    ):
+    with pytest.raises(MissingExtraError, match=r"a USDZ file needs .* 'usd-core': pip install 'dlama\[usd\]'"):
         write_usdz(tmp_path / "photo.usdz", [part(0, 3)])
     assert list(tmp_path.iterdir()) == []

@@ -72,9 +72,7 @@ def test_pictures_that_a_format_cannot_hold_are_refused(
     tmp_path: Path, name: str, hw: tuple[int, int], limits: str
 ) -> None:
     """Oracle: the limits of H.264 and of WebP, whose encoders ended in tracebacks; a line, and nothing is left."""
-    with pytest.raises(
-        InputError, match=f"the pictures are {hw[1]}x{hw[0]}; {Path(name).suffix} has sides of {limits} px"
-    ):
+    with pytest.raises(InputError, match=f"are {hw[1]}x{hw[0]}; {Path(name).suffix} has sides of {limits} px"):
         write_video(tmp_path / name, [np.zeros((*hw, 3), np.uint8)])
     assert list(tmp_path.iterdir()) == []
 

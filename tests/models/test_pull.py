@@ -21,10 +21,10 @@ BODY = bytes(range(256)) * 4000
 WRONG = BODY[:-1] + b"!"
 
 
-def a_record(*urls: str, known: bool = True, body: bytes = BODY, member: str | None = None) -> Record:
+def a_record(*urls: str, known: bool = True) -> Record:
     """A record of BODY at those addresses."""
-    sha256 = hashlib.sha256(body).hexdigest() if known else None
-    return Record("toy", "a toy", urls, sha256, len(body) if known else None, "MIT", "lama-weights", "toy.pt", member)
+    sha256, size = (hashlib.sha256(BODY).hexdigest(), len(BODY)) if known else (None, None)
+    return Record("toy", "a toy", urls, sha256, size, "MIT", "lama-weights", "toy.pt")
 
 
 def refused(expected: Record) -> str:
