@@ -42,10 +42,6 @@ TEXTS = (".txt", ".csv")
 CAMERA_FIELDS = ("width", "height", *LENS, "K", "pixel_center", "world_from_cam", "comment", "intrinsics_from")
 """The last two say nothing of the camera; meta.json writes the last one."""
 PAIR_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
-LIKELY_BASELINE_M = 1e-3, 20.0
-"""Beyond, a baseline is likely in another unit."""
-DOFFS_TOLERANCE = 0.01
-"""Pixels by which doffs may differ from the principal points (published calibrations are rounded)."""
 
 
 @system_errors(FileError)
@@ -152,7 +148,7 @@ def make_rig(
     """The pair of two cameras so many metres apart, the left one at the origin; as `make_camera`. CameraError."""
     if not 1e-6 <= baseline <= 1e6:
         raise CameraError(f"{source}: the baseline is {baseline:g} m; a distance of 1e-06 to 1e+06 m is expected")
-    if not LIKELY_BASELINE_M[0] <= baseline <= LIKELY_BASELINE_M[1]:
+    if not 1e-3 <= baseline <= 20:  # m; likely in another unit
         warn(f"{source}: the baseline is {baseline:g} m; calib.txt counts millimetres, JSON and YAML count metres")
     pose = np.eye(4)
     pose[0, 3] = baseline
@@ -257,10 +253,10 @@ def _left_and_right(fields: FileFields, left_K: str, right_K: str) -> tuple[Intr
     if right_K in fields:
         right = fields.intrinsics(right_K)
         found = right[2] - left[2]
-        if doffs is not None and abs(doffs - found) > DOFFS_TOLERANCE:
+        if doffs is not None and abs(doffs - found) > 0.01:  # published calibrations are rounded
             raise CameraError(
                 f"{fields.path}: doffs is {doffs:g}, but cx of {right_K} minus cx of {left_K} is {found:g}; "
-                f"they must agree within {DOFFS_TOLERANCE} px"
+                "they must agree within 0.01 px"
             )
         return left, right
     if doffs is None:

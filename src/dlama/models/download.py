@@ -18,11 +18,7 @@ from dlama.errors import OutputError
 
 Progress: TypeAlias = Callable[[int, int | None], None]
 
-SILENT_SECONDS = 30.0
-"""A server may be."""
 PIECE = 1 << 18
-LONGEST = 4 << 30
-TRIES = 4
 
 
 class Unusable(Exception):
@@ -62,7 +58,7 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
 def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None, resume: bool) -> bool:
     """As `download`, which removes what is left of a failure."""
     resumed, before = False, -1
-    for _ in range(TRIES):
+    for _ in range(4):
         start_at = _bytes_of(part) if resume else 0
         if start_at <= before:  # a whole try brought nothing
             break
@@ -82,7 +78,7 @@ def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Prog
     request = urllib.request.Request(url, headers={"User-Agent": "dlama", "Accept-Encoding": "identity"})
     if start_at:
         request.add_header("Range", f"bytes={start_at}-")
-    with _name_failures(part), urllib.request.urlopen(request, timeout=SILENT_SECONDS) as response:
+    with _name_failures(part), urllib.request.urlopen(request, timeout=30) as response:
         start, total = _announced(url, response, start_at, size)
         with _disk_errors(part):
             sink = part.open("ab" if start else "wb")
@@ -98,7 +94,7 @@ def _copy(
     response: Any, sink: IO[bytes], done: int, total: int | None, size: int | None, progress: Progress | None
 ) -> int:
     """Bytes of the file that lie on the disk afterwards; `done` of `total` lie there before."""
-    most = LONGEST if size is None else size
+    most = 4 << 30 if size is None else size
     while piece := _next_piece(response, total):
         done += len(piece)
         if done > most:

@@ -32,16 +32,12 @@ PROVIDERS = {
     "openvino": "OpenVINOExecutionProvider",
 }
 """ONNX Runtime's, in the order of preference; what comes after cpu only where it is asked for."""
-PROVIDER_VARIABLE = "DLAMA_PROVIDER"
-"""Environment variable that names the provider where the code does not."""
 ASSETS = Path(__file__).parents[1] / "assets"
 """Folder of the networks that ship in the package."""
 N = TypeVar("N", bound="NetworkFile")
 
 LARGE = 3_000_000
 """Pixels of a picture that is filled from which on networks give back the memory that they keep between runs."""
-M_MMAP_THRESHOLD, MAPPED = -3, 2**23
-"""glibc's option of the bytes from which an array has pages of its own; left alone it grows to four times as many."""
 
 
 def cores() -> int:
@@ -57,7 +53,7 @@ def processor_count() -> int:
 
 def default_provider() -> str | None:
     """What DLAMA_PROVIDER names; None: the first of ONNX Runtime's that is installed."""
-    return os.environ.get(PROVIDER_VARIABLE) or None
+    return os.environ.get("DLAMA_PROVIDER") or None
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,12 +197,12 @@ def close_networks() -> None:
     """Close the sessions of all network files; they open again when they run.
 
     A session keeps what its largest run took, some 300 MB; opening one takes .06 s. What was freed goes back to the system, too,
-    and from now on arrays of MAPPED bytes do once they are freed: glibc keeps about as much, in pieces.
+    and from now on arrays of 8 MB do once they are freed: glibc keeps about as much, in pieces.
     """
     for one in list(_OPEN):
         vars(one).pop("session", None)
     _OPEN.clear()
     with contextlib.suppress(OSError, AttributeError, TypeError):  # glibc alone has it
         glibc = ctypes.CDLL(None)
-        glibc.mallopt(M_MMAP_THRESHOLD, MAPPED)
+        glibc.mallopt(-3, 2**23)  # M_MMAP_THRESHOLD, which left alone grows to four times as many bytes
         glibc.malloc_trim(0)

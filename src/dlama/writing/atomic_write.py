@@ -36,15 +36,11 @@ from dlama.writing.drafts import (
 
 PathLike = str | os.PathLike[str]
 """A file's path."""
-NO_FLUSH = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EROFS, errno.EACCES, errno.EPERM)
-"""Errors of file systems that cannot flush, which is no reason to fail."""
 FILE_ENDINGS = (
     ".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr", ".gif", ".mp4",
     ".html", ".glb", ".ply", ".usdz", ".spz", ".npz", ".json",
 )  # fmt: skip
 """A new name that ends so is meant as one file, and would be that of a directory."""
-FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
-"""Errors of a full disk."""
 
 
 @contextmanager
@@ -116,7 +112,8 @@ def new_directory(path: PathLike) -> Iterator[Path]:
                 folder.rmdir()
         if isinstance(error, OutputError):  # of a file in it: that is known by where it was to lie
             error.args = tuple(str(one).replace(str(draft), str(target)) for one in error.args)
-        elif isinstance(error, OSError) and error.errno in FULL and error.filename is None:  # of nothing by name
+        full = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+        if isinstance(error, OSError) and error.errno in full and error.filename is None:  # of nothing by name
             with writing(target):
                 raise
         raise
@@ -281,8 +278,8 @@ def _flush(path: Path) -> None:
     handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
     try:
         os.fsync(handle)
-    except OSError as error:
-        if error.errno not in NO_FLUSH:
+    except OSError as error:  # file systems that cannot flush are no reason to fail
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EROFS, errno.EACCES, errno.EPERM):
             raise
     finally:
         os.close(handle)

@@ -25,8 +25,6 @@ except ImportError:  # Windows: age alone decides
 
 DRAFT, OLD, PLACING = ".dlama-draft-", ".dlama-old-", ".dlama-placing-"
 """Prefixes: being written; an earlier folder that a new one has just replaced; whole, and being moved to its place."""
-STALE_SECONDS = 3600.0
-"""Age at which a draft that nobody holds is abandoned, where its process cannot be asked after (another computer's, Windows)."""
 LONGEST = 120
 """Bytes of a name that are kept in a draft's; file systems take 255."""
 HOST = re.sub(r"[^A-Za-z0-9.]", "", socket.gethostname())[:20] or "host"
@@ -123,8 +121,8 @@ def is_abandoned(path: Path, prefix: str) -> bool:
     pid, host = int(match[1]), match[2]
     if host == HOST and os.name == "posix" and (pid == os.getpid() or not _is_running(pid)):
         return True
-    try:
-        return time.time() - path.stat().st_mtime > STALE_SECONDS
+    try:  # the process cannot be asked after (another computer's, Windows)
+        return time.time() - path.stat().st_mtime > 3600
     except OSError:
         return False
 

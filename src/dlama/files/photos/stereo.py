@@ -12,13 +12,6 @@ from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.perception.stereo.matching import disparity_pair
 
-MATCHED_WIDTH = 1024
-"""Pixels to which the pictures are shrunk before they are matched."""
-CONVERGING = 0.05
-"""Share of the width by which disparities may be negative: the cameras may converge."""
-LEAST_MATCHED = 0.1
-"""Share of the photo that must match."""
-
 
 def match_stereo_photo(file: Path, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, float]:
     """Disparity (h x w px of the shrunk picture; unmatched pixels take the nearest matched one), and the share that matched.
@@ -28,15 +21,15 @@ def match_stereo_photo(file: Path, left: UInt8Array, right: UInt8Array) -> tuple
     one, other = _shrink(left), _shrink(right)
     if one.shape != other.shape:
         raise DepthError(f"{file}: its two pictures are of different sizes")
-    disparity, _ = disparity_pair(one, other, min_disparity=-round(CONVERGING * one.shape[1]))
+    disparity, _ = disparity_pair(one, other, min_disparity=-round(0.05 * one.shape[1]))  # the cameras may converge
     known = disparity != 0
     share = float(known.mean())
-    if share < LEAST_MATCHED:
+    if share < 0.1:
         raise DepthError(f"{file}: its two pictures do not match; is it a stereo photo?")
     return fill_with_nearest(disparity, known), share
 
 
 def _shrink(color: UInt8Array) -> UInt8Array:
-    width = min(MATCHED_WIDTH, color.shape[1])
+    width = min(1024, color.shape[1])
     height = round(color.shape[0] * width / color.shape[1])
     return np.asarray(Image.fromarray(color).resize((width, height), Image.Resampling.BOX))

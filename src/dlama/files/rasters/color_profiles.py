@@ -11,8 +11,6 @@ from dlama.errors import warn
 from dlama.geometry.rgbd import UInt8Array
 from dlama.writing.atomic_write import PathLike
 
-SAME = 3
-"""Levels: a profile that changes no colour of a coarse grid by more is sRGB, as most are; sRGB's profiles differ by as much."""
 MODES = {"RGB": "RGB", "GRAY": "L", "CMYK": "CMYK"}
 """Colour space of a profile -> Pillow's mode of the pictures it is for."""
 
@@ -37,8 +35,8 @@ def to_srgb(picture: Image.Image, profile: bytes | None, path: PathLike) -> Imag
             ImageCms.Intent.RELATIVE_COLORIMETRIC,
             ImageCms.Flags.BLACKPOINTCOMPENSATION,
         )
-        if picture.mode != "CMYK" and _changes(transform, picture.mode) <= SAME:
-            return picture
+        if picture.mode != "CMYK" and _changes(transform, picture.mode) <= 3:
+            return picture  # sRGB, as most are; its profiles differ by as many levels
         converted = ImageCms.applyTransform(picture, transform)
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError) as error:
         warn(f"{path}: its colour profile cannot be used ({error}); its colours are taken as sRGB")

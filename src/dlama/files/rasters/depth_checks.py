@@ -23,13 +23,6 @@ from dlama.perception.diagnosis.lens import check_lens
 from dlama.perception.sky import OUTDOORS_M
 from dlama.writing.atomic_write import PathLike
 
-CLOSE_RANGE = 50.0, 5.0
-"""Least median depth in metres, and largest ratio of far to near, of what may be a close-range scanner's millimetres."""
-
-LEAST_FAR = 0.01
-"""Least share of the picture that is far, of what may be missing."""
-
-
 _plain: set[tuple[str, int, bool]] = set()
 """Files, when they were written and whether they were read as inverse depth, that hold what they were read as: a sequence reads
 its frames again and again."""
@@ -80,11 +73,11 @@ def warn_of_millimetres(path: PathLike, depth: Float32Array, median: float) -> N
 
 
 def close_range(depth: Float32Array, median: float) -> tuple[float, float] | None:
-    """Where depth (H x W metres) begins and ends, if it begins far away and ends not much farther."""
-    if median < CLOSE_RANGE[0] or np.isposinf(depth).any():
+    """Where depth (H x W metres) begins and ends, if it begins far away and ends not much farther, as no room or street does."""
+    if median < 50 or np.isposinf(depth).any():
         return None
     near, far = np.percentile(depth[depth > 0], (2, 98))
-    return (near, far) if far < CLOSE_RANGE[1] * near else None
+    return (near, far) if far < 5 * near else None
 
 
 def warn_of_unit(path: PathLike, rgbd: RGBD) -> None:
@@ -114,7 +107,7 @@ def warn_of_far_plane(path: PathLike, depth: Float32Array) -> None:
 def warn_of_missing_code(path: PathLike, depth: Float32Array) -> None:
     """Warn (UserWarning) where an integer file has the code of the sky (depth: H x W metres), but nothing as far as outdoors."""
     finite, share = depth[np.isfinite(depth) & (depth > 0)], float(np.isposinf(depth).mean())
-    if Path(path).suffix.lower() in (".exr", ".pfm", ".npy", ".npz") or share < LEAST_FAR or not finite.size:
+    if Path(path).suffix.lower() in (".exr", ".pfm", ".npy", ".npz") or share < 0.01 or not finite.size:
         return
     farthest = float(np.quantile(finite, 0.99))
     if farthest < OUTDOORS_M:

@@ -18,8 +18,6 @@ from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
 from dlama.writing.atomic_write import PathLike, new_file
 
-HALF_MAX = 65504.0
-"""The largest half float; where a writer clamps, this is what infinity becomes."""
 ORDERS = {
     "depth": ("z", "depth", "*depth.z", "*.z", "*depth*", "r", "y"),
     "matte": ("a", "*.a", "r", "y"),
@@ -51,7 +49,7 @@ def read_exr(path: PathLike, channel: str | None = None, what: str = "depth") ->
         _warn_of_aspect(file, float(header.get("pixelAspectRatio", 1)))
     result = plane_of(file, values).astype(np.float32)
     if values.dtype == np.float16:
-        result[result >= HALF_MAX] = np.inf
+        result[result >= 65504] = np.inf  # the largest; where a writer clamps, infinity becomes that
     return result
 
 

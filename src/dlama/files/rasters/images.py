@@ -59,8 +59,6 @@ NO_RGB = ("CMYK", "YCbCr", "LAB", "HSV")
 """Pillow's modes of colours that become RGB when they are read."""
 SEVERAL = {"TIFF": "page", "WEBP": "frame", "AVIF": "frame"}
 """Kinds of files that may hold several pictures, and what these are called."""
-SAME_SHAPE = 0.02
-"""Relative difference of proportions from which a picture is a crop of what its EXIF data are of."""
 ADDRESS = re.compile(r"[a-z][a-z0-9+]+:/")
 """How an address begins; a path has one slash of its two."""
 
@@ -273,7 +271,7 @@ def _exif(picture: Image.Image) -> tuple[int, float | None]:
     except Exception:  # unreadable tags are ignored; the pixels are whole
         return 1, None
     focal = float(focal) if isinstance(focal, (int, float)) and focal > 0 else None
-    if least and abs(most / least * min(picture.size) / max(picture.size) - 1) > SAME_SHAPE:
+    if least and abs(most / least * min(picture.size) / max(picture.size) - 1) > 0.02:
         focal = None
     return orientation if orientation in range(2, 9) else 1, focal
 

@@ -18,9 +18,6 @@ from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import UInt8Array, UInt16Array
 from dlama.writing.unchanged import while_unchanged
 
-AHEAD = 60
-"""Pictures that are decoded on the way to a later one rather than sought."""
-
 
 @system_errors(FileError)
 def video_times(path: Path, track: int = 0) -> Float64Array:
@@ -76,7 +73,7 @@ class Video:
     def picture(self, place: int) -> UInt8Array:
         """H x W x 3 RGB."""
         with self.lock:
-            if not self.next <= place < self.next + AHEAD:
+            if not self.next <= place < self.next + 60:  # so many are decoded on the way rather than sought
                 self.container.seek(self.stamps[place], stream=self.stream)
                 self.decoded = self.container.decode(self.stream)
             for frame in self.decoded:

@@ -49,9 +49,7 @@ RESULTS: dict[str, tuple[str, ...]] = {
 BY_DEFAULT = ("page", "mesh")
 MOST_TRIANGLES = 100_000
 """What viewers of augmented reality take."""
-EYES = 0.2
-"""Places of the two eyes of a stereo picture, -1..1 across the box."""
-STEREO_WIDTH, LOOP_WIDTH, LOOP_PICTURES, LOOP_FPS = 1920, 640, 72, 24.0
+LOOP_PICTURES, LOOP_FPS = 72, 24.0
 
 
 def check_names(only: Sequence[str] | None = None, also: Sequence[str] = ()) -> tuple[str, ...]:
@@ -139,7 +137,7 @@ def file_writers(photo: Photo3D, about: dict[str, Any]) -> dict[str, Writer]:
     @cache
     def eyes() -> tuple[UInt8Array, UInt8Array]:
         bare = drop_errors(scene)
-        left, right = (draw_smooth(bare, resize_to(box.at(side, 0, 0), STEREO_WIDTH)) for side in (-EYES, EYES))
+        left, right = (draw_smooth(bare, resize_to(box.at(side, 0, 0), 1920)) for side in (-0.2, 0.2))
         return left, right
 
     @cache
@@ -150,7 +148,7 @@ def file_writers(photo: Photo3D, about: dict[str, Any]) -> dict[str, Writer]:
             begin_stage(f"draw picture {number + 1} of {LOOP_PICTURES} of the loop")
             turn = 2 * math.pi * number / LOOP_PICTURES
             camera = box.at(0.7 * math.sin(turn), 0.35 * math.cos(turn), 0)
-            pictures.append(draw_smooth(bare, resize_to(camera, LOOP_WIDTH)))
+            pictures.append(draw_smooth(bare, resize_to(camera, 640)))
         return pictures
 
     return {

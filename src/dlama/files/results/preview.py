@@ -33,10 +33,6 @@ def percent(share: float) -> str:
     return f"{100 * share:.1f} %" if share >= 0.0005 or share == 0 else "<0.1 %"
 
 
-REMOVED: RGB = (255, 60, 60)
-"""Tint of what is to be removed, in the source picture."""
-
-
 def write_preview(path: PathLike, completion: Completion) -> None:
     """Write the preview of one completion as a picture, colour and depth. Raises OutputError."""
     legend = hole_legend(*(before.hole_type for before in completion.warped))
@@ -113,7 +109,7 @@ def source_panel(completion: Completion) -> Panel:
 
 def tint(color: UInt8Array, where: np.ndarray) -> UInt8Array:
     """uint8 H x W x 3: half red where `where` (H x W bool) is True, red at its rim."""
-    out, red = color.copy(), np.array(REMOVED, np.uint8)
+    out, red = color.copy(), np.array((255, 60, 60), np.uint8)
     out[where] = color[where] // 2 + red // 2
     out[where & ~erode_square(where, 5)] = red
     return out

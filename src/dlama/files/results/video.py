@@ -17,10 +17,6 @@ from dlama.writing.atomic_write import PathLike, new_file
 VIDEOS, ANIMATIONS = (".mp4", ".mov", ".mkv"), (".webp", ".gif")
 BT_709, SRGB, LIMITED = 1, 13, 1
 """Codes of ITU-T H.273: of primaries and of the way from RGB to YCbCr; of the transfer curve; of the range 16 to 235."""
-LARGEST_SIDES = {".webp": 16383, ".gif": 65535}
-"""px of a side that animations have at most; videos have sides of 2 to 16384, as H.264."""
-GIF_STEP_MS, FASTEST_GIF = 10, 50
-"""GIF counts hundredths of a second; players show a picture of one of them for ten."""
 
 
 def check_video(path: PathLike, fps: float = 24.0, hw: Sequence[int] = (2, 2)) -> None:
@@ -32,9 +28,9 @@ def check_video(path: PathLike, fps: float = 24.0, hw: Sequence[int] = (2, 2)) -
             f"`output` is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is expected; "
             "`dlama sequence SCENE --views` writes pictures"
         )
-    if suffix == ".gif" and fps > FASTEST_GIF:
-        raise InputError(f"`fps` is {fps:g}; a GIF has at most {FASTEST_GIF} pictures a second, WebP and MP4 have more")
-    least, most = (2, 16384) if suffix in VIDEOS else (1, LARGEST_SIDES[suffix])
+    if suffix == ".gif" and fps > 50:  # players show a picture of a hundredth of a second for ten
+        raise InputError(f"`fps` is {fps:g}; a GIF has at most 50 pictures a second, WebP and MP4 have more")
+    least, most = {".webp": (1, 16383), ".gif": (1, 65535)}.get(suffix, (2, 16384))  # px of a side; H.264
     if not least <= min(hw[:2]) <= max(hw[:2]) <= most:
         raise InputError(f"the pictures are {format_size(hw)}; {suffix} has sides of {least} to {most} px")
     if suffix in VIDEOS:
@@ -93,7 +89,7 @@ def _encode_video(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int
 def _write_animation(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
     frames, webp = [Image.fromarray(picture) for picture in pictures], path.suffix.lower() == ".webp"
     options: dict[str, Any] = {"quality": 80, "method": 4} if webp else {}
-    step = 1 if webp else GIF_STEP_MS
+    step = 1 if webp else 10  # ms
     # of begins that are rounded: durations that are, each by itself, would make the whole too short
     begins = [round(1000 * number / fps / step) * step for number in range(len(frames) + 1)]
     durations = np.diff(begins).tolist()

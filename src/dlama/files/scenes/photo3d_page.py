@@ -18,8 +18,8 @@ MODULE_LINES = re.compile(r"^import .*\n|^export (?=class|function|async|const)"
 QUALITIES, LEAST_QUALITIES, STEPS = (90, 85, 80, 70, 60), (45, 30), (1, 2, 4)
 """Of the texture's JPEG, and by how much pictures with alpha, which are PNGs, are shrunk; the first that makes the file small
 enough is taken."""
-LARGEST_GLB, LARGEST_PAGE = 10_000_000, 8_000_000
-"""Bytes: what viewers of augmented reality take; what is still sent around."""
+LARGEST_GLB = 10_000_000
+"""Bytes that viewers of augmented reality take."""
 
 
 def glb_within(parts: list[MeshPart], most: int) -> bytes:
@@ -38,7 +38,7 @@ def photo3d_page(box: HeadBox, parts: list[MeshPart]) -> str:
     """The HTML of a 3-D photo."""
     scripts = "".join((ASSETS / name).read_text("utf-8") for name in ("scene.js", "photo3d.js"))
     page = (ASSETS / "photo3d.html").read_text("utf-8")
-    room = (LARGEST_PAGE - len(page) - len(scripts) - 2000) * 3 // 4
+    room = (8_000_000 - len(page) - len(scripts) - 2000) * 3 // 4  # 8 MB are still sent around
     filled = {
         "about": json.dumps(describe_box(box, parts)),
         "glb": base64.b64encode(glb_within(parts, room)).decode("ascii"),

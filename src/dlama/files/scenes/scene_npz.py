@@ -42,8 +42,6 @@ FRAMES = ("numbers", "gains", "noise", "names")
 ERRORS = ("depth_error", "color_error")
 """Planes of `View.errors`, where there are any: metres, levels."""
 HOW_WRITTEN = "a result has a scene.npz where it was asked for: --also scene, in Python also=['scene']"
-SMALL_SCENE, LARGEST_RATIO = 256_000_000, 300
-"""Bytes that the arrays of a scene may hold in any case; beyond, so many times the bytes of the file (scenes reach 100)."""
 
 
 def write_npz(path: PathLike, view: View, scene: Scene) -> None:
@@ -141,7 +139,7 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
 def _check_claims(archive: zipfile.ZipFile, file: Path) -> int:
     """Bytes of all arrays. FileError: far more than such a file holds, which a small file can claim."""
     total = sum(part.file_size for part in archive.infolist())
-    if total > max(SMALL_SCENE, LARGEST_RATIO * file.stat().st_size):
+    if total > max(256_000_000, 300 * file.stat().st_size):  # scenes reach 100 times
         raise FileError(f"says it holds {total / 1e6:.0f} MB in {file.stat().st_size / 1e6:.1f} MB; that is no scene")
     return total
 

@@ -29,19 +29,11 @@ from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, new_file
 
 MOST_SPLATS = 600_000
-COLOR_OF_DEGREE_0 = 0.28209479177387814
-"""The spherical harmonic of degree 0: colour = 0.5 + this * f_dc."""
 SIZE, THIN = 0.75, 0.1
 """Standard deviation of a splat in steps to the neighbouring pixels; its thickness in its smaller side. Viewers that keep a
 splat's integral where it is smaller than their pixels show a sheet of smaller ones through (0.6: 5 % darker on black)."""
 OPAQUE = 0.98
 """Opacity of a splat in the middle, where the surface is opaque."""
-SOURCE_SHARE = 2 / 3
-"""Of the splats, which the source may take."""
-LEAST_SHARE = 0.02
-"""Of a soft border: what is less opaque is left out."""
-MANY = 0.01
-"""Share of the splats from which their rounding is warned of."""
 FIELDS = (
     *"xyz", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
     "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
@@ -57,9 +49,10 @@ def write_splats(path: PathLike, rows: np.ndarray) -> None:
 
 
 def warn_of_rounding(path: PathLike, rows: np.ndarray, stored: np.ndarray) -> None:
-    """Warn (UserWarning) where the positions of many splats (N x len(FIELDS)) are rounded, to N x 3, by more than their size."""
+    """Warn (UserWarning) where 1 % of the splats (N x len(FIELDS)) have positions that are rounded, to N x 3, by more than their
+    size."""
     moved, sizes = np.abs(stored - rows[:, :3]).max(1), FIELDS.index("scale_0")
-    if np.count_nonzero(moved > np.exp(rows[:, sizes : sizes + 2]).max(1)) > MANY * len(rows):
+    if np.count_nonzero(moved > np.exp(rows[:, sizes : sizes + 2]).max(1)) > 0.01 * len(rows):
         warn(
             f"{Path(path).name}: splats are moved by up to {moved.max():.2g} m, as the world's origin is "
             f"{np.abs(rows[:, :3]).max() / 1000:,.0f} km away and the format has few bits; give poses near the origin"
@@ -67,11 +60,11 @@ def warn_of_rounding(path: PathLike, rows: np.ndarray, stored: np.ndarray) -> No
 
 
 def scene_splats(scene: Scene, box: HeadBox) -> np.ndarray:
-    """N x len(FIELDS): the splats of a scene, MOST_SPLATS or fewer: the source is subsampled as far as its share needs it, the
+    """N x len(FIELDS): the splats of a scene, MOST_SPLATS or fewer: the source is subsampled until it has two thirds of them, the
     other layers to what is left."""
     source, others = fill_own_holes(scene, box.camera)
     sky = sky_distance(scene, box)
-    step = step_for(int((source.valid | source.far).sum()), SOURCE_SHARE * MOST_SPLATS)
+    step = step_for(int((source.valid | source.far).sum()), 2 / 3 * MOST_SPLATS)
     parts = [sheet_splats(sheet) for sheet in cut_source(source, box, step, sky)]
     layers = [layer.load() for layer in others]
     counts = [int((contribution(one) | one.far).sum()) * (box.camera.fx / one.camera.fx) ** 2 for one in layers]
@@ -88,7 +81,7 @@ def sheet_splats(sheet: Sheet) -> np.ndarray:
     depth, joined = sheet.grid
     rows, columns = (side * sheet.step for side in depth.shape)
     color, share = average_visible(sheet.picture[:rows, :columns], (depth.shape[1], depth.shape[0]))
-    shown = (depth > 0) & (share >= LEAST_SHARE)
+    shown = (depth > 0) & (share >= 0.02)
     return grid_splats(sheet.layer.camera, (depth * (1 + sheet.behind), joined), shown, color, peak_opacity(share))
 
 
@@ -128,7 +121,7 @@ def grid_splats(
     axes = np.einsum("ij,njk->nik", turn, np.stack([x, y, normal], 2))
     thickness = THIN * np.minimum(along, across)
     sizes = np.log(np.maximum(SIZE * np.concatenate([along, across, thickness], 1), 1e-9))
-    harmonic = (color[shown] / 255 - 0.5) / COLOR_OF_DEGREE_0
+    harmonic = (color[shown] / 255 - 0.5) / 0.28209479177387814  # that of degree 0: colour = 0.5 + this * f_dc
     world = points @ turn.T + camera.world_from_cam[:3, 3]
     logit = np.log(opacity[shown] / (1 - opacity[shown]))[:, None]
     wxyz = np.roll(quaternion_from_rotation(axes), 1, axis=1)

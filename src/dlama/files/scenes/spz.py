@@ -13,11 +13,6 @@ from dlama.files.scenes.glb import GLTF_FROM_OPENCV
 from dlama.files.scenes.splats import FIELDS, warn_of_rounding
 from dlama.writing.atomic_write import PathLike, write_file
 
-COLOR_SCALE = 0.15
-"""Levels of f_dc, of 255: more than the harmonic of degree 0, so that colours beyond 0..1 can be stored."""
-FINEST = 14
-"""Fractional bits of positions at most, .06 mm: two more than Niantic's writer has, for small objects, cost 1 % of the bytes."""
-
 
 def write_spz(path: PathLike, rows: np.ndarray) -> None:
     """Write splats (N x len(FIELDS), of `scene_splats`): positions to 24 bits, of rotations three numbers to 10, the rest to 8.
@@ -31,11 +26,12 @@ def write_spz(path: PathLike, rows: np.ndarray) -> None:
         return rows[:, [column[name] for name in names]]
 
     points = take(*"xyz") * GLTF_FROM_OPENCV
-    bits = max(0, min(FINEST, 22 - math.floor(math.log2(max(1.0, float(np.abs(points).max(initial=0)))))))
+    # 14 fractional bits at most, .06 mm: two more than Niantic's writer has, for small objects, cost 1 % of the bytes
+    bits = max(0, min(14, 22 - math.floor(math.log2(max(1.0, float(np.abs(points).max(initial=0)))))))
     fixed = np.clip(np.rint(points * 2**bits), 1 - 2**23, 2**23 - 1).astype("<i4", order="C")
     warn_of_rounding(path, rows, fixed / 2**bits * GLTF_FROM_OPENCV)
     opacity = 255 / (1 + np.exp(-take("opacity")))
-    color = take("f_dc_0", "f_dc_1", "f_dc_2") * (COLOR_SCALE * 255) + 127.5
+    color = take("f_dc_0", "f_dc_1", "f_dc_2") * (0.15 * 255) + 127.5  # so that colours beyond 0..1 can be stored
     scales = (take("scale_0", "scale_1", "scale_2") + 10) * 16
     turned = take("rot_1", "rot_2", "rot_3", "rot_0") * (*GLTF_FROM_OPENCV, 1)
     header = struct.pack("<4sIIBBBB", b"NGSP", 3, len(rows), 0, bits, 0, 0)
