@@ -25,12 +25,8 @@ class Unusable(Exception):
     """This mirror did not give the file; the next one is tried."""
 
 
-class Offline(Unusable):
-    """There is no connection to this address."""
-
-
 class _BrokeOff(Unusable):
-    """Less came than was announced; what came is kept."""
+    """The connection did, or there is none; what came is kept."""
 
 
 def download(url: str, part: Path, size: int | None, progress: Progress | None, resume: bool) -> bool:
@@ -46,31 +42,23 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         Unusable: this address does not give the file; in words why.
         OutputError: the disk cannot be written.
     """
+    resumed = False
     try:
-        return _download_parts(url, part, size, progress, resume)
+        for tries_left in (3, 2, 1, 0):
+            start_at = _bytes_of(part) if resume else 0
+            resumed = resumed or start_at > 0
+            try:
+                _fetch(url, part, start_at, size, progress)
+                break
+            except _BrokeOff:  # another try where this one brought something
+                if not (resume and tries_left and _bytes_of(part) != start_at):
+                    raise
     except BaseException as error:
-        kept = isinstance(error, (_BrokeOff, Offline)) or not isinstance(error, Unusable)
+        kept = isinstance(error, _BrokeOff) or not isinstance(error, Unusable)
         if not (resume and kept and _bytes_of(part)):  # only what a later pull continues from stays
             part.unlink(missing_ok=True)
         raise
-
-
-def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None, resume: bool) -> bool:
-    """As `download`, which removes what is left of a failure."""
-    resumed, before = False, -1
-    for _ in range(4):
-        start_at = _bytes_of(part) if resume else 0
-        if start_at <= before:  # a whole try brought nothing
-            break
-        resumed = resumed or start_at > 0
-        try:
-            _fetch(url, part, start_at, size, progress)
-        except _BrokeOff as error:
-            broken = error
-            before = start_at if part.is_file() else -1
-        else:
-            return resumed
-    raise broken
+    return resumed
 
 
 def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Progress | None) -> None:
@@ -142,9 +130,9 @@ def _name_failures(part: Path) -> Iterator[None]:
         words = {404: "moved or gone", 410: "gone", 401: "a login is asked for", 403: "access refused"}
         raise Unusable(f"{words.get(error.code, 'the server fails')} (HTTP {error.code})") from error
     except urllib.error.URLError as error:
-        raise Offline(f"no connection ({error.reason})") from error
+        raise _BrokeOff(f"no connection ({error.reason})") from error
     except (ConnectionError, TimeoutError) as error:
-        raise Offline(f"no connection ({error or type(error).__name__})") from error
+        raise _BrokeOff(f"no connection ({error or type(error).__name__})") from error
     except http.client.HTTPException as error:
         raise Unusable(f"no HTTP server answers there ({type(error).__name__})") from error
 

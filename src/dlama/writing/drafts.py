@@ -25,8 +25,6 @@ except ImportError:  # Windows: age alone decides
 
 DRAFT, OLD, PLACING = ".dlama-draft-", ".dlama-old-", ".dlama-placing-"
 """Prefixes: being written; an earlier folder that a new one has just replaced; whole, and being moved to its place."""
-LONGEST = 120
-"""Bytes of a name that are kept in a draft's; file systems take 255."""
 HOST = re.sub(r"[^A-Za-z0-9.]", "", socket.gethostname())[:20] or "host"
 
 _mine: set[str] = set()
@@ -41,7 +39,7 @@ def name_of(prefix: str, name: str) -> str:
 
 
 def _short_name(name: str) -> str:
-    if len(os.fsencode(name)) <= LONGEST:
+    if len(os.fsencode(name)) <= 120:  # file systems take 255
         return name
     suffix = Path(name).suffix
     return hashlib.sha256(os.fsencode(name)).hexdigest()[:16] + (suffix if len(os.fsencode(suffix)) <= 20 else "")

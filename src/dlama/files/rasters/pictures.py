@@ -26,8 +26,6 @@ COLOR_PNG = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE, PNG_FILTER,
 """zlib looks for runs alone, which makes a photo of 11 MP 8 % smaller; Paeth's filter."""
 DEPTH_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, PNG_FILTER, 32)
 """zlib level 1; rows less the row above."""
-DARK = 1 << 14
-"""Largest value of 16 bits below which a picture comes from a camera of fewer bits (10, 12, 14)."""
 ROWS_AT_ONCE = 64
 """Of a picture, so that what is computed on the way stays in the processor's cache."""
 
@@ -72,7 +70,7 @@ def _warn_of_16_bits(stored: StoredPicture, whose: str, kept: str = "") -> None:
     """Warn (UserWarning) that colours of 16 bits are shortened; whose: what the line begins with, kept: what it ends with."""
     if stored.values.dtype == np.uint16:
         warn(f"{whose} 16 bits a channel; colours are worked on, filled and written in 8{kept}")
-        if (most := int(stored.values.max(initial=0))) < DARK:
+        if (most := int(stored.values.max(initial=0))) < 1 << 14:  # of a camera of 10, 12 or 14 bits
             warn(
                 f"{whose} values up to {most} of 65535, as of a camera of {max(most.bit_length(), 8)} bits: nearly black in 8; "
                 "multiply them to fill 16 bits"

@@ -9,11 +9,6 @@ from dlama.files.rasters.images import orientation_of, picture_hw
 from dlama.geometry.rgbd import BoolArray
 from dlama.writing.atomic_write import PathLike
 
-QUARTER_TURNS = (5, 6, 7, 8)
-"""EXIF orientations that exchange width and height."""
-SAME_PROPORTIONS = 0.02
-"""Relative difference of width / height up to which pictures of two sizes show the same field of view."""
-
 
 def orientation_difference(one: PathLike, other: PathLike) -> str:
     """How the EXIF orientations of two pictures of the same pixels differ, in words; "": they do not. Raises FileError."""
@@ -29,7 +24,7 @@ def doubtful_turn(picture: PathLike, other: PathLike) -> str:
     """As `orientation_difference`, of two that fit as they are shown; "" also where they would not as they are stored, since a
     quarter turn of one exchanges its sides. Raises FileError."""
     turned, (height, width) = (orientation_of(picture), orientation_of(other)), picture_hw(picture)
-    if height != width and (turned[0] in QUARTER_TURNS) != (turned[1] in QUARTER_TURNS):
+    if height != width and (turned[0] >= 5) != (turned[1] >= 5):
         return ""
     return orientation_difference(picture, other)
 
@@ -49,8 +44,8 @@ def warn_of_turn(picture: PathLike, other: PathLike) -> None:
         warn(f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)")
 
 
-def same_proportions(hw: Sequence[float], other_hw: Sequence[float], tolerance: float = SAME_PROPORTIONS) -> bool:
-    """Whether width / height of pictures of two sizes are alike, so that they can show the same field of view."""
+def same_proportions(hw: Sequence[float], other_hw: Sequence[float], tolerance: float = 0.02) -> bool:
+    """Whether width / height of pictures of two sizes are alike, up to a share, so that they can show the same field of view."""
     return abs(hw[1] / hw[0] * other_hw[0] / other_hw[1] - 1) <= tolerance
 
 

@@ -25,7 +25,7 @@ from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.splats import scene_splats, write_splats
 from dlama.files.scenes.spz import write_spz
 from dlama.files.scenes.textured_mesh import bring_near
-from dlama.files.scenes.usdz import check_usd, write_usdz
+from dlama.files.scenes.usdz import usd_module, write_usdz
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.layers.layered_mesh import farthest_surface, mesh_layers
@@ -58,7 +58,7 @@ def check_names(only: Sequence[str] | None = None, also: Sequence[str] = ()) -> 
     if "loop" in names:
         check_video(RESULTS["loop"][0])
     if "usdz" in names:
-        check_usd()
+        usd_module("Usd")
     return names
 
 

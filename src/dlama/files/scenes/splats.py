@@ -29,9 +29,9 @@ from dlama.geometry.view import View
 from dlama.writing.atomic_write import PathLike, new_file
 
 MOST_SPLATS = 600_000
-SIZE, THIN = 0.75, 0.1
-"""Standard deviation of a splat in steps to the neighbouring pixels; its thickness in its smaller side. Viewers that keep a
-splat's integral where it is smaller than their pixels show a sheet of smaller ones through (0.6: 5 % darker on black)."""
+SIZE = 0.75
+"""Standard deviation of a splat in steps to the neighbouring pixels. Viewers that keep a splat's integral where it is smaller
+than their pixels show a sheet of smaller ones through (0.6: 5 % darker on black)."""
 OPAQUE = 0.98
 """Opacity of a splat in the middle, where the surface is opaque."""
 FIELDS = (
@@ -119,7 +119,7 @@ def grid_splats(
     across = np.abs((y * down).sum(1, keepdims=True))
     turn = camera.world_from_cam[:3, :3]
     axes = np.einsum("ij,njk->nik", turn, np.stack([x, y, normal], 2))
-    thickness = THIN * np.minimum(along, across)
+    thickness = 0.1 * np.minimum(along, across)
     sizes = np.log(np.maximum(SIZE * np.concatenate([along, across, thickness], 1), 1e-9))
     harmonic = (color[shown] / 255 - 0.5) / 0.28209479177387814  # that of degree 0: colour = 0.5 + this * f_dc
     world = points @ turn.T + camera.world_from_cam[:3, 3]

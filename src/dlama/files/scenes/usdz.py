@@ -24,12 +24,8 @@ from dlama.writing.atomic_write import PathLike, new_file
 ROOT = "/photo"
 
 
-def check_usd() -> None:
-    """MissingExtraError without the package that writes USDZ."""
-    _usd("Usd")
-
-
-def _usd(name: str) -> Any:
+def usd_module(name: str) -> Any:
+    """A module of OpenUSD. MissingExtraError."""
     return import_extra(f"pxr.{name}", "a USDZ file", "usd-core", "usd")
 
 
@@ -38,7 +34,7 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
 
     Raises MissingExtraError, OutputError; nothing half-written is left.
     """
-    usd, utils = _usd("Usd"), _usd("UsdUtils")
+    usd, utils = usd_module("Usd"), usd_module("UsdUtils")
     packed = [part for part in pack_parts(parts) if len(part.mesh.triangles)]
     with tempfile.TemporaryDirectory() as made, new_file(path) as draft:
         folder = Path(made)
@@ -58,7 +54,7 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
 
 def set_up_stage(stage: Any, middle: Float64Array) -> None:
     """Metres, y up, axes as glTF has them, one root, which stands where `middle` is (metres)."""
-    geometry = _usd("UsdGeom")
+    geometry = usd_module("UsdGeom")
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
     geometry.SetStageMetersPerUnit(stage, 1.0)
     root = geometry.Xform.Define(stage, ROOT)
@@ -69,7 +65,7 @@ def set_up_stage(stage: Any, middle: Float64Array) -> None:
 def add_mesh(stage: Any, name: str, part: MeshPart, middle: Float64Array, file: str) -> None:
     """A part (vertices less `middle`, metres) with its picture's file as its emission."""
     mesh, picture = part.mesh, part.picture
-    geometry, sdf, types = _usd("UsdGeom"), _usd("Sdf"), _usd("Vt")
+    geometry, sdf, types = usd_module("UsdGeom"), usd_module("Sdf"), usd_module("Vt")
     shape = geometry.Mesh.Define(stage, f"{ROOT}/{name}")
     points = ((mesh.vertices - middle) * GLTF_FROM_OPENCV).astype(np.float32)
     shape.CreatePointsAttr(types.Vec3fArray.FromNumpy(np.ascontiguousarray(points)))
@@ -86,13 +82,13 @@ def add_mesh(stage: Any, name: str, part: MeshPart, middle: Float64Array, file: 
     )
     primvar.Set(types.Vec2fArray.FromNumpy(np.ascontiguousarray(uv.astype(np.float32))))
     material = add_material(stage, f"{ROOT}/{name}_material", file, alpha=part.soft)
-    binding = _usd("UsdShade").MaterialBindingAPI.Apply(shape.GetPrim())
+    binding = usd_module("UsdShade").MaterialBindingAPI.Apply(shape.GetPrim())
     binding.Bind(material)
 
 
 def add_material(stage: Any, path: str, file: str, alpha: bool) -> Any:
     """A UsdPreviewSurface that emits a picture; alpha: whether the picture's alpha is its opacity."""
-    shade, types = _usd("UsdShade"), _usd("Sdf").ValueTypeNames
+    shade, types = usd_module("UsdShade"), usd_module("Sdf").ValueTypeNames
 
     def shader(name: str, kind: str) -> Any:
         made = shade.Shader.Define(stage, f"{path}/{name}")
