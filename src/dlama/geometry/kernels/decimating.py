@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from dlama.geometry.kernels.jit import Array, Flag, Real, Whole, kernel, piece
+from dlama.geometry.kernels.jit import Array, Flag, Pixel, Real, Whole, kernel, piece
 
 DEPTH_METRES = 1e-3
 """Most that depth may be off in metres; or a `share` of it, or as `noise` of inverse depth (1/m) moves it, whichever is most."""
@@ -94,7 +94,7 @@ def fits_clamped(relief: Relief, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2:
 
 @kernel
 def halve_smallest(first: Whole, last: Whole, relief: Relief, halved: Array) -> None:
-    """`halve_at_sides` of half 1 in the inside of the picture, where most of the work is: what `fits` says, in a few steps."""
+    """`halve` of sides of half 1 in the inside of the picture, where most of the work is: what `fits` says, in a few steps."""
     depth, flat, share, noise = relief
     for row in range(max(first, 1), min(last, depth.shape[0] - 1)):
         for column in range(1 + row % 2, depth.shape[1] - 1, 2):
@@ -111,54 +111,40 @@ def halve_smallest(first: Whole, last: Whole, relief: Relief, halved: Array) -> 
 
 
 @piece
-def halved_within(halved: Array, y: Whole, x: Whole, quarter: Whole) -> Flag:
-    """Whether a smaller triangle at this middle is halved: its middle is a quarter away in both directions."""
+def is_halved(relief: Relief, halved: Array, at: Pixel, side: Pixel, apex: Pixel) -> Flag:
+    """Whether the triangles at a middle (row, column) are halved: the middle of one of their other sides is, or one of the two
+    does not fit.
+
+    side, apex: rows and columns from there to an end of the longest side, and to an apex; the others lie opposite.
+    """
+    (y, x), (down, right), (apex_down, apex_right) = at, side, apex
     tall, wide = halved.shape
-    for corner in range(4):
-        sub_y, sub_x = y + quarter * (2 * (corner // 2) - 1), x + quarter * (2 * (corner % 2) - 1)
-        if 0 <= sub_y < tall and 0 <= sub_x < wide and halved[sub_y, sub_x] != 0:
+    for way in range(-1, 2, 2):
+        for other in range(-1, 2, 2):
+            sub_y, sub_x = y + way * (down + other * apex_down) // 2, x + way * (right + other * apex_right) // 2
+            if (right + apex_right) % 2 == 0 and 0 <= sub_y < tall and 0 <= sub_x < wide and halved[sub_y, sub_x] != 0:
+                return True
+        end_y, end_x = y + way * apex_down, x + way * apex_right
+        inside = 0 <= end_y < tall and 0 <= end_x < wide
+        if inside and not fits_clamped(relief, x - right, y - down, x + right, y + down, end_x, end_y):
             return True
     return False
 
 
 @kernel
-def halve_at_sides(first: Whole, last: Whole, relief: Relief, half: Whole, halved: Array) -> None:
-    """Middles of the sides of the squares of size 2 * half, in rows of `half` pixels: 1 where the triangles there are halved.
-
-    They are where a smaller one at this middle is, or where one of the two, which lead to the centres of squares, does not fit.
-    """
+def halve(first: Whole, last: Whole, relief: Relief, half: Whole, centres: Flag, halved: Array) -> None:
+    """Middles of the sides of the squares of size 2 * half, in rows of `half` pixels, or their centres, in rows of squares: 1
+    where the triangles there are halved. Those at a side lead to the centres of squares, those at a centre to two corners."""
     height, width = relief.depth.shape
-    tall, wide = halved.shape
-    quarter = half // 2
     for row in range(first, last):
-        y = row * half
-        for x in range(half * (1 - row % 2), wide, 2 * half):
-            if half == 1 and 0 < x < width - 1 and 0 < y < height - 1:
+        y = (2 * row + 1) * half if centres else row * half
+        for x in range(half if centres else half * (1 - row % 2), halved.shape[1], 2 * half):
+            if half == 1 and not centres and 0 < x < width - 1 and 0 < y < height - 1:
                 continue  # halve_smallest did it
-            found = quarter > 0 and halved_within(halved, y, x, quarter)
-            along_y, along_x = half * (row % 2), half * (1 - row % 2)
-            for way in range(-1, 2, 2):
-                apex_y, apex_x = y + way * along_x, x + way * along_y
-                if not found and 0 <= apex_y < tall and 0 <= apex_x < wide:
-                    found = not fits_clamped(relief, x - along_x, y - along_y, x + along_x, y + along_y, apex_x, apex_y)
-            halved[y, x] = 1 if found else 0
-
-
-@kernel
-def halve_at_centres(first: Whole, last: Whole, relief: Relief, size: Whole, halved: Array) -> None:
-    """Centres of squares: 1 where the two triangles of one are halved: one at a side is, or one of the two does not fit."""
-    half = size // 2
-    for row in range(first, last):
-        y = row * size
-        for column in range((halved.shape[1] - 1) // size):
-            x = column * size
-            found = (
-                halved[y, x + half] + halved[y + size, x + half] + halved[y + half, x] + halved[y + half, x + size] > 0
-            )
-            falls = (row + column) % 2 == 0
-            left_y, right_y = (y, y + size) if falls else (y + size, y)
-            for way in range(2):
-                if not found:
-                    apex_x, apex_y = (x, right_y) if way == 0 else (x + size, left_y)
-                    found = not fits_clamped(relief, x, left_y, x + size, right_y, apex_x, apex_y)
-            halved[y + half, x + half] = 1 if found else 0
+            if centres:
+                down = half if (row + x // (2 * half)) % 2 == 0 else -half
+                side, apex = (down, half), (-down, half)
+            else:
+                down = half * (row % 2)
+                side, apex = (down, half - down), (half - down, down)
+            halved[y, x] = 1 if is_halved(relief, halved, (y, x), side, apex) else 0

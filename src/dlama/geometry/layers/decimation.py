@@ -33,6 +33,16 @@ SPECK = 5
 SQUARE = ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5))
 """The corners of a pixel, from its centre."""
 
+DIAGONALS = (
+    (True, (0, 1), ((0, 0), (0, 1), (1, 1))),
+    (True, (1, 0), ((0, 0), (1, 1), (1, 0))),
+    (False, (0, 0), ((0, 0), (0, 1), (1, 0))),
+    (False, (1, 1), ((0, 1), (1, 1), (1, 0))),
+)
+"""The triangles that a square is cut into, above and below a diagonal that falls to the right, or does not: apex, corners."""
+SIDES = (((0, 0.5), (0, 0), (0, 1)), ((1, 0.5), (1, 1), (1, 0)), ((0.5, 0), (1, 0), (0, 0)), ((0.5, 1), (0, 1), (1, 1)))
+"""The sides of a square: middle, and both ends, clockwise."""
+
 Corners = NDArray[np.int32]
 """N x 3 x 2: row and column of the pixels that are a triangle's corners."""
 
@@ -138,15 +148,19 @@ def triangles(halved: UInt8Array, halves: tuple[BoolArray, ...], hw: tuple[int, 
     last = np.array(hw) - 1
     if last.min() < 1:
         return [np.zeros((0, 3, 2), np.int32)]
-    sizes = [LARGEST >> level for level in range(LARGEST.bit_length() - 1)]
-    found = [
-        part for size in sizes for part in (*triangles_at_diagonals(halved, size), *triangles_at_sides(halved, size))
-    ]
-    upper, lower = (each[: last[0], : last[1]] for each in diagonal_halves(halved, 1))
+    found = list[Corners]()
+    for size in (LARGEST >> level for level in range(LARGEST.bit_length() - 1)):
+        centre = squares_at(halved, size, 0.5, 0.5)
+        for chosen, (_, _, corners) in zip(diagonal_halves(halved, size), DIAGONALS):
+            found.append(place_triangles(chosen & ~centre, size, *corners))
+        for (y, x), one, other in SIDES:
+            found.append(place_triangles(centre & ~squares_at(halved, size, y, x), size, one, other, (0.5, 0.5)))
+    smallest = diagonal_halves(halved[: hw[0], : hw[1]], 1)
+    both = (smallest[0] & smallest[1]) | (smallest[2] & smallest[3])
     for names, half in zip(HALVES, halves):
-        offsets = [divmod("abcd".index(name), 2) for name in names]
-        found.append(place_triangles(half & upper & lower, 1, *offsets))
-    found += split_squares(upper & ~lower, lower & ~upper, 1)
+        found.append(place_triangles(half & both, 1, *(divmod("abcd".index(name), 2) for name in names)))
+    for chosen, (_, _, corners) in zip(smallest, DIAGONALS):
+        found.append(place_triangles(chosen & ~both, 1, *corners))
     return [drop_degenerate(np.minimum(part, last)) for part in found]
 
 
@@ -162,58 +176,24 @@ def halving_tree(depth: Float32Array, flat: BoolArray, share: float, noise: floa
     size = 2
     while size <= LARGEST:
         half = size // 2
-        in_bands(kernels.halve_at_sides, (len(halved) - 1) // half + 1, relief, half, halved)
-        in_bands(kernels.halve_at_centres, (len(halved) - 1) // size, relief, size, halved)
+        in_bands(kernels.halve, (len(halved) - 1) // half + 1, relief, half, False, halved)
+        in_bands(kernels.halve, (len(halved) - 1) // size, relief, half, True, halved)
         size *= 2
     return halved
 
 
-def triangles_at_diagonals(halved: UInt8Array, size: int) -> list[Corners]:
-    """The triangles that are left at the diagonals of squares of that size."""
-    whole = halved[size // 2 :: size, size // 2 :: size] == 0
-    if size == LARGEST:
-        return split_squares(whole, whole, size)
-    upper, lower = diagonal_halves(halved, size)
-    return split_squares(whole & upper, whole & lower, size)
+def squares_at(halved: UInt8Array, size: int, y: float, x: float) -> BoolArray:
+    """Of each square of that size: whether triangles are halved at a place in it, 0 to 1 from its upper left corner."""
+    (bottom, right), top, left = (side - 1 for side in halved.shape), int(y * size), int(x * size)
+    return np.asarray(halved[top : top + bottom : size, left : left + right : size] > 0)
 
 
-def diagonal_halves(halved: UInt8Array, size: int) -> tuple[BoolArray, BoolArray]:
-    """Of each square: whether the larger triangles were halved, so that it has one above, and one below, its diagonal."""
-    corner = halved[::size, ::size] > 0
-    down = diagonal_falls(len(corner) - 1, corner.shape[1] - 1)
-    return (
-        np.where(down, corner[:-1, 1:], corner[:-1, :-1]),
-        np.where(down, corner[1:, :-1], corner[1:, 1:]),
-    )
-
-
-def diagonal_falls(rows: int, columns: int) -> BoolArray:
-    """Of each square: whether its diagonal falls to the right."""
-    falls = np.zeros((rows, columns), np.bool_)
-    falls[::2, ::2] = falls[1::2, 1::2] = True
-    return falls
-
-
-def split_squares(upper: BoolArray, lower: BoolArray, size: int) -> list[Corners]:
-    """The triangles above and below the diagonals of the chosen squares."""
-    down = diagonal_falls(*upper.shape)
+def diagonal_halves(halved: UInt8Array, size: int) -> list[BoolArray]:
+    """Of each square and for each of DIAGONALS: whether the larger triangle was halved, so that it may have this one."""
+    rows, columns = (np.arange((side - 1) // size) % 2 == 0 for side in halved.shape)
+    falls = rows[:, None] == columns
     return [
-        place_triangles(upper & down, size, (0, 0), (0, 1), (1, 1)),
-        place_triangles(lower & down, size, (0, 0), (1, 1), (1, 0)),
-        place_triangles(upper & ~down, size, (0, 0), (0, 1), (1, 0)),
-        place_triangles(lower & ~down, size, (0, 1), (1, 1), (1, 0)),
-    ]
-
-
-def triangles_at_sides(halved: UInt8Array, size: int) -> list[Corners]:
-    """The triangles that are left between the centres and the sides of squares of that size."""
-    half = size // 2
-    centre, upright, level = halved[half::size, half::size] > 0, halved[half::size, ::size], halved[::size, half::size]
-    return [
-        place_triangles(centre & (level[:-1] == 0), size, (0, 0), (0, 1), (0.5, 0.5)),
-        place_triangles(centre & (level[1:] == 0), size, (1, 1), (1, 0), (0.5, 0.5)),
-        place_triangles(centre & (upright[:, :-1] == 0), size, (1, 0), (0, 0), (0.5, 0.5)),
-        place_triangles(centre & (upright[:, 1:] == 0), size, (0, 1), (1, 1), (0.5, 0.5)),
+        (falls == falling) & (squares_at(halved, size, *apex) | (size == LARGEST)) for falling, apex, _ in DIAGONALS
     ]
 
 
