@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
 from dlama.geometry.drawing.grid_mesh import mesh_grid, smooth_noise
@@ -154,7 +154,10 @@ def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
         paste(view.color, view.depth_hole, canvas.color)  # of a sensor hole the colour, but no depth
         paste(view.origin, view.depth_hole, canvas.origin)
     elif grid.mode == "points":
-        draw_as_points(grid, canvas)
+        x, y, w, _ = (plane.ravel() for plane in transform_depth(grid.surface.mesh[0], grid.way))
+        with np.errstate(divide="ignore"):  # where there is nothing
+            depth = np.float32(1) / w
+        draw_points(grid.pixels._replace(depth=depth), x, y, w, canvas)
     else:
         draw_as_surface(grid, canvas, count)
     return canvas
@@ -172,14 +175,6 @@ def draw_apart(
                 draw_far(grid, canvas)
 
     in_bands(draw_some, len(grids), band=1)
-
-
-def draw_as_points(grid: Grid, canvas: Canvas) -> None:
-    """Each pixel of the layer onto the target pixel it falls on."""
-    x, y, w, _ = (plane.ravel() for plane in transform_depth(grid.surface.mesh[0], grid.way))
-    with np.errstate(divide="ignore"):  # where there is nothing
-        depth = np.float32(1) / w
-    draw_points(grid.pixels._replace(depth=depth), x, y, w, canvas)
 
 
 def draw_points(points: shading.Planes, x: np.ndarray, y: np.ndarray, w: Float32Array, canvas: Canvas) -> None:
@@ -230,41 +225,14 @@ def rasterize_surface(
 def draw_far(grid: Grid, canvas: Canvas) -> None:
     """The layer's far pixels (sky) behind everything drawn so far."""
     layer, camera, far = grid.layer, grid.camera, grid.layer.far
-    rows = np.flatnonzero(far.any(1))
-    if not len(rows):
+    if not far.any():
         return
     if grid.own_camera:
         canvas.copy_where(layer, far & (canvas.depth == 0))
         return
     matrix, _ = px_from_px(layer.camera, camera)
-    columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
-    spans = far_spans(matrix, (columns[0], columns[-1]), (rows[0], rows[-1]), camera.hw)
-    sky, band = shading.Sky(far, spans, far_blocks(far, grid.fine)), light_band(camera.width)
+    sky, band = shading.Sky(far, far_blocks(far, grid.fine)), light_band(camera.width)
     in_bands(shading.shade_far, camera.height, matrix, sky, grid.knots, grid.pixels, canvas, band=band)
-
-
-def far_spans(
-    matrix: Float64Array, columns: tuple[int, int], rows: tuple[int, int], hw: tuple[int, int]
-) -> NDArray[np.int64]:
-    """H x 2: first and last column (exclusive) of each target row that may lie in a box of the layer (columns, rows: its first
-    and last ones). matrix: as of `shading.shade_far`."""
-    across, along, ahead = matrix
-    sides = np.array(  # each > 0 in the box, a pixel round it and in front: a span ends where one of them is 0
-        [
-            across - (columns[0] - 1) * ahead,
-            (columns[1] + 2) * ahead - across,
-            along - (rows[0] - 1) * ahead,
-            (rows[1] + 2) * ahead - along,
-            ahead,
-        ]
-    )
-    slope, rest = sides[:, :1], sides[:, 1:2] * (np.arange(hw[0]) + 0.5) + sides[:, 2:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        zero = -rest / slope
-    first = np.where(slope > 0, zero, -np.inf).max(0)
-    last = np.where(slope < 0, zero, np.inf).min(0)
-    spans = np.stack([np.floor(first), np.ceil(last)], 1)
-    return np.clip(spans, 0, hw[1]).astype(np.int64)
 
 
 def transform_depth(depth: Float32Array, way: PixelMap) -> Vertices:

@@ -47,14 +47,11 @@ class Planes(NamedTuple):
 
 
 class Sky(NamedTuple):
-    """The far pixels of a layer, and where a target may show them."""
+    """The far pixels of a layer; H x W each."""
 
     far: BoolArray
-    """H x W of the layer."""
-    spans: NDArray[np.int64]
-    """First and last column (exclusive) of each target row (`layers.far_spans`)."""
     blocks: UInt8Array
-    """H x W of the layer: 0; 1 where the four pixels from here on are far; 2 where those round them are, too
+    """0; 1 where the four pixels from here on are far; 2 where those round them are, too
     (`sampling.far_blocks`)."""
 
 
@@ -180,7 +177,7 @@ def shade_far(
     height, width = sky.far.shape
     for ty in range(first, last):
         y = ty + 0.5
-        for tx in range(sky.spans[ty, 0], sky.spans[ty, 1]):
+        for tx in range(out.depth.shape[1]):
             if out.depth[ty, tx] != 0:
                 continue
             x = tx + 0.5
