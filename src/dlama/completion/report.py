@@ -96,7 +96,7 @@ def flying_pixels(frame: View, warped: Sequence[View]) -> int:
     """Of a frame, which is drawn without them where a view is of another camera; else 0."""
     if all(view.camera.same_view_as(frame.camera) for view in warped):
         return 0
-    return frame.find_once(find_joints).flying_pixels
+    return int(frame.find_once(find_joints).flying.sum())
 
 
 def notes_of(fills: Sequence[FillReport]) -> dict[str, Any]:

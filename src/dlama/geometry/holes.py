@@ -27,16 +27,12 @@ def disc(radius: int) -> np.ndarray:
 
 
 def dilate_mask(mask: BoolArray, radius: int) -> BoolArray:
-    """The mask grown by `radius` pixels (disc); a radius from LARGE takes no longer than a small one."""
-    if radius >= LARGE:
-        return _dilate_by_distance(mask, radius)
-    return mask.copy() if radius == 0 else cv2.dilate(mask.astype(np.uint8), disc(radius)) > 0
-
-
-def _dilate_by_distance(mask: BoolArray, radius: int) -> BoolArray:
-    """H x W, True within `radius` px of the mask, by distances: the same pixels as `disc` up to 1000 px, to a pixel beyond."""
-    if not mask.any():
+    """The mask grown by `radius` pixels (disc); a radius from LARGE takes no longer than a small one, and is exact up to 1000 px,
+    to a pixel beyond."""
+    if radius == 0 or not mask.any():
         return mask.copy()
+    if radius < LARGE:
+        return cv2.dilate(mask.astype(np.uint8), disc(radius)) > 0
     distance = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE).astype(np.float64)
     return np.rint(distance**2) <= min(radius, sum(mask.shape)) ** 2 + min(radius, sum(mask.shape))
 

@@ -134,7 +134,9 @@ def draw_scene(
     """A scene's layers, drawn. count: of the pixels of fills that count (`count_needed`); frames: whether they are drawn."""
     fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
     keep = mode == "surface" and len(scene.layers) >= SEVERAL
-    fills = visible_fills(scene, camera, mode)
+    fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
+    if len(scene.frames) > 1:
+        fills = tuple(fill for fill in fills if may_show(fill, camera))
     here, parts = scene.gain_of(camera), [find_part(fill, camera) for fill in fills]
     gains = [scene.gain_of(fill.camera) / here for fill in fills]
 
@@ -147,8 +149,8 @@ def draw_scene(
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
         drawn = draw_frame(prepare(scene.frames[0], camera), errors)
-    grids = [prepare(part.layer, part.camera) for part in parts]
-    put_fills(drawn, grids, [part.box for part in parts], gains, count)
+    grids = [prepare(layer, camera.cropped_to(*box)) for layer, box in parts]
+    put_fills(drawn, grids, [box for _, box in parts], gains, count)
     for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
     draw_far_of_fills(drawn.canvas, grids, gains)
@@ -162,12 +164,6 @@ def draw_frame(grid: Grid, errors: bool) -> Drawn:
         return Drawn(canvas, [grid])
     draw_far(grid, canvas)
     return Drawn(canvas, [grid], own=grid.layer)
-
-
-def visible_fills(scene: Scene, camera: Camera, mode: Mode) -> tuple[Layer, ...]:
-    """The fills of a scene that are drawn into a camera."""
-    fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
-    return fills if len(scene.frames) == 1 else tuple(layer for layer in fills if may_show(layer, camera))
 
 
 def put_fills(

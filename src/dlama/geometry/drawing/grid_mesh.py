@@ -35,11 +35,6 @@ class Joints(NamedTuple):
     joined: UInt8Array
     """H x W, `join_neighbours`."""
 
-    @property
-    def flying_pixels(self) -> int:
-        """How many pixels fly."""
-        return int(self.flying.sum())
-
 
 def find_joints(view: View) -> Joints:
     """A view's flying pixels, and which neighbours are joined."""

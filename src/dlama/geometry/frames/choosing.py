@@ -72,28 +72,15 @@ def find_box_in_view(corners: Float64Array, camera: Camera) -> Box | None:
     return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
 
 
-class Part(NamedTuple):
-    """What of a layer is drawn into a camera, and where."""
-
-    layer: Layer
-    """Of a boxed one of another camera the part that has its pixels."""
-    camera: Camera
-    """That of `box`."""
-    box: Box
-    """Rows and columns in which the camera may see it."""
-
-
-def find_part(layer: Layer, camera: Camera) -> Part:
-    """What of a layer is drawn into a camera: of a boxed one of another camera its part, where its points may be seen."""
-    whole = Part(layer, camera, (slice(0, camera.height), slice(0, camera.width)))
+def find_part(layer: Layer, camera: Camera) -> tuple[Layer, Box]:
+    """What of a layer is drawn into a camera, and the rows and columns in which it may be seen: of a boxed layer of another
+    camera its part."""
+    box = slice(0, camera.height), slice(0, camera.width)
     if not isinstance(layer, BoxedView) or layer.camera.same_view_as(camera):
-        return whole
+        return layer, box
     corners = layer.find_once(box_of)
     found = None if corners is None else find_box_in_view(corners, camera)
-    if found is None:
-        return whole._replace(layer=layer.part)
-    box = larger_box(found, round(MARGIN * camera.width), camera.hw)
-    return Part(layer.part, camera.cropped_to(*box), box)
+    return layer.part, box if found is None else larger_box(found, round(MARGIN * camera.width), camera.hw)
 
 
 def box_corners(points: Float64Array) -> Float64Array:

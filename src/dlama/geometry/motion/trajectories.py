@@ -53,7 +53,7 @@ def orbit(
     if not is_finite(metres) or not 0 <= metres <= FARTHEST_M:
         raise InputError(f"`pivot` is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is expected")
     center = np.array([0.0, 0.0, metres])
-    turned_from_source = _rotation_x(pitch) @ _rotation_y(yaw)
+    turned_from_source = _rotation(yaw, pitch)
     source_from_turned = make_pose(turned_from_source.T, center - turned_from_source.T @ center)
     return source.at(source.world_from_cam @ source_from_turned)
 
@@ -140,16 +140,10 @@ def median_pivot(depth: ArrayLike) -> float:
     return float(np.median(valid))
 
 
-def _rotation_x(degrees: float) -> Float64Array:
-    c, s = _cos_sin(degrees)
-    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-
-
-def _rotation_y(degrees: float) -> Float64Array:
-    c, s = _cos_sin(degrees)
-    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-
-
-def _cos_sin(degrees: float) -> tuple[float, float]:
-    radians = math.radians(math.remainder(degrees, 360))  # a whole turn is none, to the last bit
-    return math.cos(radians), math.sin(radians)
+def _rotation(yaw: float, pitch: float) -> Float64Array:
+    """3x3: about y, then about x."""
+    turns = [
+        math.radians(math.remainder(degrees, 360)) for degrees in (yaw, pitch)
+    ]  # a whole turn is none, to the last bit
+    (c, s), (d, t) = ((math.cos(radians), math.sin(radians)) for radians in turns)
+    return np.array([[1, 0, 0], [0, d, -t], [0, t, d]]) @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
