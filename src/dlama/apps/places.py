@@ -52,9 +52,9 @@ def check_file_apart(output: Path, inputs: Inputs, *, makes_folder: bool = False
 
 def check_place(output: Path) -> None:
     """Raise OutputError where no directory `output` can be made or written to, as far as that can be known beforehand."""
-    wrong = ""
+    wrong, output = "", check_name(output)
     try:
-        place = Path(os.path.realpath(check_name(output)))
+        place = Path(os.path.realpath(output))
         while not os.path.lexists(place) and place != place.parent:
             place = place.parent
         if place.is_symlink():
@@ -64,8 +64,6 @@ def check_place(output: Path) -> None:
         elif not os.access(place, os.W_OK | os.X_OK):
             wrong = f"{place} is not writable"
     except OSError as error:
-        if isinstance(error, OutputError):
-            raise
         wrong = system_reason(error)
     if wrong:
         raise OutputError(f"{output}: cannot be written: {wrong}")

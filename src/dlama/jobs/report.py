@@ -140,18 +140,10 @@ def values(found: Summary, output: Output) -> dict[str, Any]:
     """What the template takes."""
     width, bars = throughput(found.finished)
     begun, ended = min(found.finished, default=0), max(found.finished, default=0)
-    done = max(found.done, 1)
     facts = [
-        ("done", f"{found.done}"),
-        ("failed", f"{found.failed}"),
+        *found.facts(),
         ("first and last result", f"{_clock(begun)} to {_clock(ended)} UTC, {duration(ended - begun)}"),
-        ("seconds a job", f"{found.seconds / done:.2f}"),
-        ("of these", ", ".join(f"{stage} {seconds / done:.2f}" for stage, seconds in found.stages.items())),
         ("hosts", ", ".join(f"{host} ({count})" for host, count in sorted(found.hosts.items()))),
-        ("peak memory of a worker", f"{found.peak_mib:.0f} MiB"),
-        ("unknown before filling", f"{found.hole_shares / done:.1%} of a picture on average"),
-        ("filled pixels moved behind what was measured", f"{found.law_moves}"),
-        ("that still hide what was measured", f"{found.law_violations}"),
     ]
     sheets = [
         ("At random", "drawn from all results", _sheet(found.at_random, output)),

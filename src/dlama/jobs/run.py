@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
 
 from dlama.errors import OutputError
 from dlama.jobs.job import Job
+from dlama.jobs.on_ray import RayWorkers
 from dlama.jobs.perform import Task, died_row, work
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.results.result import JobResult
 from dlama.jobs.results.tar_shards import STAGED, Packer
 from dlama.jobs.storage import Output, local_path
-from dlama.workers.pool import TRIES, TaskEnd
+from dlama.workers.pool import TRIES, Pool, TaskEnd
 from dlama.writing.drafts import remove_abandoned
 
 JobProgress = Callable[[JobResult | None, int, int | None], object]
@@ -27,25 +27,8 @@ AT_ONCE = 64
 """Rows that are looked at before results are handed out."""
 UNWRITTEN = 4
 """Results, one after the other, that could not be written, after which a run ends: a full disk."""
-
-
-class Workers(Protocol):
-    """What runs tasks: `dlama.workers.pool.Pool`, or the actors of a Ray cluster."""
-
-    count: int
-
-    @property
-    def free(self) -> int:
-        """How many tasks can be handed in now."""
-
-    def submit(self, task: Task) -> None:
-        """Hand in one."""
-
-    def wait(self) -> list[TaskEnd]:
-        """What has ended; waits for at least one."""
-
-    def close(self) -> None:
-        """End all workers."""
+Workers = Pool | RayWorkers
+"""What runs tasks: processes of this computer, or the actors of a Ray cluster."""
 
 
 @dataclass(frozen=True)

@@ -126,23 +126,31 @@ class Totals:
         """`2 FileError, 1 DepthError`; empty: nothing failed."""
         return ", ".join(f"{count} {kind}" for kind, count in self.kinds.most_common())
 
+    @property
+    def fresh(self) -> int:
+        """Results of this run itself."""
+        return self.done - self.kept
+
+    def facts(self) -> list[tuple[str, str]]:
+        """What is known of the results: names, and texts to read."""
+        facts = [("done", f"{self.done}" + (f" ({self.kept} of them by an earlier run)" if self.kept else ""))]
+        if self.failed:
+            facts.append(("failed", f"{self.failed}: {self.kinds_line()}"))
+        if self.fresh:
+            stages = ", ".join(f"{name} {seconds / self.fresh:.2f}" for name, seconds in self.stages.items())
+            facts.append(("seconds a job", f"{self.seconds / self.fresh:.2f} ({stages})"))
+        if self.done:
+            facts.append(("unknown before", f"{self.hole_shares / self.done:.1%} of a picture on average"))
+            facts.append(("law moves", f"{self.law_moves} pixels moved behind what was measured"))
+            facts.append(("law violations", f"{self.law_violations}"))
+            facts.append(("peak memory", f"{self.peak_mib:.0f} MiB a worker"))
+        return facts
+
     def lines(self, output: str) -> list[str]:
         """A table to read."""
         wall = time.monotonic() - self.started
-        fresh = self.done - self.kept
-        rows = [("done", f"{self.done}" + (f" ({self.kept} of them by an earlier run)" if self.kept else ""))]
-        if self.failed:
-            rows.append(("failed", f"{self.failed}: {self.kinds_line()}"))
-        rate = f", {60 * fresh / wall:.1f} a minute" if fresh and wall else ""
-        rows.append(("time", f"{duration(wall)}{rate}"))
-        if fresh:
-            stages = ", ".join(f"{name} {seconds / fresh:.2f}" for name, seconds in self.stages.items())
-            rows.append(("seconds a job", f"{self.seconds / fresh:.2f} ({stages})"))
-        if self.done:
-            rows.append(("unknown before", f"{self.hole_shares / self.done:.1%} of a picture on average"))
-            rows.append(("law violations", f"{self.law_violations}"))
-            rows.append(("peak memory", f"{self.peak_mib:.0f} MiB a worker"))
-        rows.append(("rows", f"{output}/manifest.csv"))
+        rate = f", {60 * self.fresh / wall:.1f} a minute" if self.fresh and wall else ""
+        rows = [*self.facts(), ("time", f"{duration(wall)}{rate}"), ("rows", f"{output}/manifest.csv")]
         return [f"{output}:", *(f"  {name:<15} {value}" for name, value in rows)]
 
     def values(self, output: str) -> dict[str, Any]:
