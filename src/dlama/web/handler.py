@@ -30,6 +30,7 @@ TYPES = {
     ".js": "text/javascript; charset=utf-8",
     ".svg": "image/svg+xml",
 }
+TEXT = "text/plain; charset=utf-8"
 MOST_JSON = 2**20
 """Bytes of a request's fields."""
 CHUNK = 2**18
@@ -95,17 +96,17 @@ class Handler(BaseHTTPRequestHandler):
         address = urlsplit(self.path)
         given = parse_qs(address.query).get("token", [""])[0]
         if not self._host_is_ours():
-            self._send_text(HTTPStatus.FORBIDDEN, "this address is not one that dlama serve listens on")
+            self._reply(HTTPStatus.FORBIDDEN, b"this address is not one that dlama serve listens on", TEXT)
         elif self.server.token and given and equal_tokens(given, self.server.token):
             cookie = f"{self._cookie_name()}={digest(self.server.token)}; Path=/; HttpOnly; SameSite=Strict"
-            self._reply(HTTPStatus.SEE_OTHER, b"", "text/plain", {"Location": "/", "Set-Cookie": cookie})
+            self._reply(HTTPStatus.SEE_OTHER, b"", TEXT, {"Location": "/", "Set-Cookie": cookie})
         elif not self._has_token() and address.path != "/page.css":
             self._reply(HTTPStatus.UNAUTHORIZED, ASK_FOR_TOKEN.encode(), TYPES[".html"])
         else:
             name = "/page.html" if address.path == "/" else address.path
             data = self.server.files.get(name)
             if data is None:
-                self._send_text(HTTPStatus.NOT_FOUND, "there is no such page")
+                self._reply(HTTPStatus.NOT_FOUND, b"there is no such page", TEXT)
             else:
                 self._reply(HTTPStatus.OK, data, TYPES[Path(name).suffix])
 
@@ -228,9 +229,6 @@ class Handler(BaseHTTPRequestHandler):
     def _refuse(self, status: HTTPStatus, message: str) -> None:
         self.close_connection = True
         self._json({"error": message, "field": ""}, status)
-
-    def _send_text(self, status: HTTPStatus, message: str) -> None:
-        self._reply(status, message.encode(), "text/plain; charset=utf-8")
 
     def _json(self, values: Mapping[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
         self._reply(status, json.dumps(values).encode(), "application/json")

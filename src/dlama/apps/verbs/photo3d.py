@@ -93,15 +93,9 @@ def photo3d(
             intrinsics_from=this.intrinsics_from or "the scene",
             seconds=this.stages,
         )
-        figures, turned = done.meta["photo3d"], done.box
+        filler, figures, turned = done.meta["filler"], done.meta["photo3d"], done.box
         cameras = format_count(len(figures["filled_cameras"]), "camera")
         line = f"{output}: turns by {turned.angle:.1f} degrees about {turned.pivot:.3g} m, filled for {cameras}"
-        values = {
-            "output": str(output),
-            "angle": turned.angle,
-            "distance": turned.distance,
-            "open_share": figures["open_share"],
-        }
-        this.result.add(
-            f"{line}, filler {done.meta['filler']}, {this.seconds:.1f} s", **values, filler=done.meta["filler"]
-        )
+        values = {"angle": turned.angle, "distance": turned.distance, "open_share": figures["open_share"]}
+        line += f", filler {filler}, {this.seconds:.1f} s"
+        this.result.add(line, output=str(output), **values, filler=filler)

@@ -62,6 +62,7 @@ function times(a, b) {
   return out;
 }
 
+// Draws a scene as seen from `eye`, looking at `target`; who extends it says where these are: home, turn, zoom and pan.
 export class SceneView {
   constructor(canvas) {
     this.canvas = canvas;
@@ -130,31 +131,6 @@ export class SceneView {
     gl.depthFunc(gl.LEQUAL);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE);
     return gl;
-  }
-
-  home() {
-    const pose = this.start.world_from_cam, column = (c) => [pose[0][c], -pose[1][c], -pose[2][c]];
-    this.eye = column(3);
-    this.target = along(this.eye, column(2), this.start.pivot);
-    this.up = unit(column(1).map((v) => -v));
-    this.draw();
-  }
-
-  turn(dx, dy) {
-    let away = sub(this.eye, this.target);
-    const right = unit(cross(this.up, away));
-    const tilted = spin(away, right, -dy);
-    if (Math.abs(dot(unit(tilted), this.up)) < 0.985) away = tilted;
-    this.eye = along(this.target, spin(away, this.up, -dx), 1);
-    this.draw();
-  }
-
-  zoom(factor) { this.eye = along(this.target, sub(this.eye, this.target), factor); this.draw(); }
-
-  pan(dx, dy) {
-    const away = sub(this.eye, this.target), right = unit(cross(this.up, away)), high = unit(cross(away, right)), size = Math.hypot(...away);
-    for (const name of ["eye", "target"]) this[name] = along(along(this[name], right, -dx * size), high, dy * size);
-    this.draw();
   }
 
   drag(event) {

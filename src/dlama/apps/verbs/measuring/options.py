@@ -17,14 +17,8 @@ Protocol = Literal["vpi", "ori", "sii"]
 class Cases:
     """Which cases of the data set are run."""
 
-    protocol: Annotated[
-        tuple[Protocol, ...],
-        option(
-            "vpi|ori|sii ...",
-            "vpi ori sii, as the data set has",
-            help="View change, object removal, stereo.",
-        ),
-    ] = ()
+    protocol: Annotated[tuple[Protocol, ...], option("vpi|ori|sii ...", "vpi ori sii, as the data set has")] = ()
+    """View change, object removal, stereo."""
     scenes: Annotated[tuple[str, ...], option("SCENE ...", "all")] = ()
     """Only these scenes."""
     yaws: Annotated[tuple[float, ...], option("DEG ...", "all")] = ()
@@ -49,11 +43,7 @@ class Methods:
 
     recipes: Annotated[tuple[str, ...], option(f"{'|'.join(RECIPE_NAMES)} ...", "dlama paper")] = ("dlama", "paper")
     """Whole methods, ours and the paper's as published."""
-    fillers: Annotated[tuple[str, ...], option("FILLER ...", "layered telea none")] = (
-        "layered",
-        "telea",
-        NO_FILL,
-    )
+    fillers: Annotated[tuple[str, ...], option("FILLER ...", "layered telea none")] = ("layered", "telea", NO_FILL)
     """Of none (holes stay), layered, layered-patches, telea, lama, migan, patchmatch, joint, pair."""
     model: Annotated[tuple[str, ...], option("FILLER=FILE|NAME ...")] = ()
     """The network of a filler that runs one: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
