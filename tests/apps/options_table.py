@@ -132,7 +132,7 @@ OF_OPTION: dict[str, tuple[str, Any]] = {
 }
 """The same of options with a form or with checks of their own."""
 AS_TYPED = {
-    "to": Path("target.json"),
+    "to": "target.json",
     "metres_at": ("3,4=2", "5,6=7"),
     "click": ("1,2", "3,4.5"),
     "not_click": ("1,2",),

@@ -238,5 +238,5 @@ def test_a_photo3d_of_a_data_set_takes_its_camera_and_unit(
     words = ["--camera", "c.json", f"--{unit.replace('_', '-')}", "10", "-o", str(tmp_path / "out")]
     main(["photo3d", str(tmp_path), *words])
     (call,) = calls["read_scene_of"]
-    assert (call["camera"], call[unit]) == (Path("c.json"), 10.0)
+    assert (call["camera"], call[unit]) == ("c.json", 10.0)
     capsys.readouterr()

@@ -52,7 +52,8 @@ def as_flags(group: Any, *names: str, doc: str = "") -> Any:
         if name in (names or (name,)):
             named = {"name": one.flag} if one.flag else {}
             shown = option(one.metavar, one.default, help=one.text, **named)
-            fields.append((name, Annotated[one.kind, shown], one.value))
+            kind = str | None if one.kind == Path | None else one.kind  # of an address a path would keep one slash
+            fields.append((name, Annotated[kind, shown], one.value))
     return dataclasses.make_dataclass(group.__name__, fields, namespace={"__doc__": doc or group.__doc__}, frozen=True)
 
 

@@ -34,8 +34,9 @@ KERNELS = logging.getLogger("dlama.kernels")
 
 SHOWN = 5e-4
 """The smallest share of a picture that a line about a result names: 0.1 % when rounded."""
-BAD_INPUT, INTERRUPTED = 2, 130
-"""Exit codes: for anything the user can put right; of a Ctrl-C that did not come as `Stopped`."""
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+"""Exit codes: some jobs or cases failed, or inputs are wrong; for anything the user can put right; of a Ctrl-C that did not come
+as `Stopped`."""
 WITH_FLAGS: ContextVar[Callable[[str], str]] = ContextVar("WITH_FLAGS", default=str)
 """Puts the flags of the verb under way in place of the parameters that a warning of the library names."""
 MINUTE = 60.0

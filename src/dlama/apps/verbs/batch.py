@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,7 +25,7 @@ from dlama.apps.options import (
     typed_words,
 )
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import follow_run, print_line, report_result
+from dlama.apps.terminal.output import FAILED, follow_run, print_line, report_result
 from dlama.errors import InputError, format_count
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.results.result import Totals
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
     from dlama.jobs.job import Job
     from dlama.jobs.results.result import JobResult
 
-FAILED = 1
-"""Exit code where some jobs could not be run."""
 SHOWN_FAILURES = 20
 """Failures that are printed as they happen; the manifest has all."""
 SHOWN_JOBS = 10
@@ -116,7 +113,7 @@ def batch(
     if words[:1] == ("report",):
         write_page(words[1:], report)
         return
-    given = {name: as_typed(value) for name, value in given_options(defaults).items()}
+    given = given_options(defaults)
     with report_result("batch", report) as result:
         jobs = source(words, which, given, output)
         if running.dry_run:
@@ -138,15 +135,6 @@ def batch(
         result.add("\n".join(totals.lines(str(place))), **totals.values(str(place)))
     if totals.failed:
         raise SystemExit(FAILED)
-
-
-def as_typed(value: Any) -> Any:
-    """An option's value; of an address that became a path, which takes slashes from it (http:/host/K.json), the address."""
-    address = re.match(r"([a-z][a-z0-9+.-]+):/", str(value)) if isinstance(value, Path) else None
-    if address is None:
-        return value
-    inside = str(value)[address.end() :]
-    return Path("/", inside) if address[1] == "file" else f"{address[1]}://{inside}"
 
 
 def write_page(words: Sequence[str], report: Report) -> None:

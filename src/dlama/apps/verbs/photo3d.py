@@ -93,9 +93,9 @@ def photo3d(
             intrinsics_from=this.intrinsics_from or "the scene",
             seconds=this.stages,
         )
-        filler, figures, turned = done.meta["filler"], done.meta["photo3d"], done.box
+        figures, turned, name = done.meta["photo3d"], done.box, done.meta["filler"]
         cameras = format_count(len(figures["filled_cameras"]), "camera")
         line = f"{output}: turns by {turned.angle:.1f} degrees about {turned.pivot:.3g} m, filled for {cameras}"
         values = {"angle": turned.angle, "distance": turned.distance, "open_share": figures["open_share"]}
-        line += f", filler {filler}, {this.seconds:.1f} s"
-        this.result.add(line, output=str(output), **values, filler=filler)
+        line += f", filler {name}, {this.seconds:.1f} s"
+        this.result.add(line, output=str(output), **values, filler=name)

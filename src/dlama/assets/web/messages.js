@@ -4,20 +4,23 @@ import { Failure } from "/server.js";
 export const $ = (id) => document.getElementById(id);
 export const all = (selector) => [...document.querySelectorAll(selector)];
 export const chosen = (name) => document.querySelector(`input[name="${name}"]:checked`).value;
-const choices = (list) => list.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: name }));
+// An element with these properties, and what is in it.
+export function make(tag, about = {}, ...inside) {
+  const made = Object.assign(document.createElement(tag), about);
+  made.append(...inside);
+  return made;
+}
+const choices = (list) => list.map((name) => make("option", { value: name }, name));
 export function offer(list, id) { $(id).replaceChildren(...choices(list)); }
 
 // A field of the form, as the server describes it: several choices, a single one to tick, or a text; `fact` describes it, too.
 export function formField({ name, label, choices: words, hint, help }, fact) {
-  const about = { id: name, name, title: help };
-  const row = document.createElement("div"), text = Object.assign(document.createElement("label"), { htmlFor: name, textContent: label });
-  const field = Object.assign(document.createElement(words.length > 1 ? "select" : "input"), about);
-  if (words.length > 1) field.append(...choices(words));
-  else if (words.length) Object.assign(field, { type: "checkbox", value: words[0] });
-  else Object.assign(field, { autocomplete: "off", placeholder: hint });
+  const about = { id: name, name, title: help }, ticked = words.length === 1;
+  const field = words.length > 1 ? make("select", about, ...choices(words))
+    : make("input", { ...about, ...(ticked ? { type: "checkbox", value: words[0] } : { autocomplete: "off", placeholder: hint }) });
   if (fact) field.setAttribute("aria-describedby", fact);
-  if (words.length === 1) { text.className = "check"; text.prepend(field); row.append(text); } else row.append(text, field);
-  return row;
+  if (ticked) return make("div", {}, make("label", { htmlFor: name, className: "check" }, field, label));
+  return make("div", {}, make("label", { htmlFor: name }, label), field);
 }
 
 // ---- messages
@@ -41,13 +44,13 @@ export function failed(error, fallback = "") {
 }
 
 export function warnings(id, list) {
-  $(id).replaceChildren(...(list ?? []).map((text) => Object.assign(document.createElement("p"), { className: "note warning", textContent: text })));
+  $(id).replaceChildren(...(list ?? []).map((text) => make("p", { className: "note warning" }, text)));
 }
 
 const rgb = (color) => `rgb(${color.join(" ")})`;
 
 function swatch(color) {
-  const box = Object.assign(document.createElement("span"), { className: "swatch" });
+  const box = make("span", { className: "swatch" });
   box.style.background = rgb(color);
   return box;
 }
@@ -55,16 +58,12 @@ function swatch(color) {
 export const percent = (share) => (share >= 0.0005 ? `${(100 * share).toFixed(1)} %` : "<0.1 %");
 
 export function legend(id, rows) {
-  $(id).replaceChildren(...rows.map(({ name, color, share }) => {
-    const item = document.createElement("li");
-    item.append(swatch(color), share === undefined ? name : `${name} ${percent(share)}`);
-    return item;
-  }));
+  $(id).replaceChildren(...rows.map(({ name, color, share }) => make("li", {}, swatch(color), share === undefined ? name : `${name} ${percent(share)}`)));
 }
 
 export function ramp(id, colors, ticks) {
   $(id).querySelector(".bar").style.background = `linear-gradient(to right, ${colors.map(rgb).join(", ")})`;
-  $(id).querySelector(".ticks").replaceChildren(...ticks.map((text) => Object.assign(document.createElement("span"), { textContent: text })));
+  $(id).querySelector(".ticks").replaceChildren(...ticks.map((text) => make("span", {}, text)));
 }
 
 // ---- tabs

@@ -1,7 +1,7 @@
 // The page: from the picture over marks and camera to the result. What the server says is shown next to the field it is about.
 import { rolesOf } from "/files.js";
 import { Marker } from "/marker.js";
-import { $, TABS, all, chosen, clearErrors, enable, failed, formField, offer, onOpen, openTab, percent, ramp, warnings } from "/messages.js";
+import { $, TABS, all, chosen, clearErrors, enable, failed, formField, make, offer, onOpen, openTab, percent, ramp, warnings } from "/messages.js";
 import { UNITS, request, showMove, showPreview } from "/move.js";
 import { noResult, repaint, showResult } from "/result.js";
 import * as server from "/server.js";
@@ -47,12 +47,11 @@ async function refresh() { showUploads((await server.ask("state")).files); }
 
 function showUploads(files) {
   $("uploads").replaceChildren(...Object.entries(files).map(([role, name]) => {
-    const item = document.createElement("li");
-    [item.dataset.role, item.title] = [role, name];
-    const button = Object.assign(document.createElement("button"), { type: "button", textContent: "✕", ariaLabel: `Remove ${name}` });
+    const button = make("button", { type: "button", ariaLabel: `Remove ${name}` }, "✕");
     button.addEventListener("click", () => server.inTurn(async () => { await server.ask("forget", { role }); await read(); }));
-    item.append(Object.assign(document.createElement("span"), { className: "role", textContent: "right" in files && role === "picture" ? "Left" : NAMES[role] }),
-      Object.assign(document.createElement("span"), { className: "name", textContent: name }), button);
+    const called = "right" in files && role === "picture" ? "Left" : NAMES[role];
+    const item = make("li", { title: name }, make("span", { className: "role" }, called), make("span", { className: "name" }, name), button);
+    item.dataset.role = role;
     return item;
   }));
   const any = Object.keys(files).length > 0;
@@ -133,7 +132,7 @@ for (const input of all('input[name="shown"]')) input.addEventListener("change",
 
 function showSettings() {
   $("examples").replaceChildren(...Object.entries(settings.examples).map(([name, title]) => {
-    const button = Object.assign(document.createElement("button"), { type: "button", textContent: title });
+    const button = make("button", { type: "button" }, title);
     button.dataset.example = name;
     button.addEventListener("click", () => server.inTurn(() => shownWhile(async () => {
       clearErrors();
@@ -145,9 +144,7 @@ function showSettings() {
     return button;
   }));
   $("role-inputs").replaceChildren(...Object.entries(settings.roles).map(([role, endings]) => {
-    const row = Object.assign(document.createElement("div"), { className: "file-row" });
-    const label = Object.assign(document.createElement("label"), { htmlFor: `file-${role}`, textContent: NAMES[role] });
-    const input = Object.assign(document.createElement("input"), { type: "file", id: `file-${role}`, accept: endings.join(",") });
+    const input = make("input", { type: "file", id: `file-${role}`, accept: endings.join(",") });
     input.addEventListener("change", () => {
       const [file] = input.files;
       input.value = "";
@@ -160,8 +157,7 @@ function showSettings() {
         if (error) failed(error, role); else await read();
       });
     });
-    row.append(label, input);
-    return row;
+    return make("div", { className: "file-row" }, make("label", { htmlFor: `file-${role}` }, NAMES[role]), input);
   }));
   $("files").accept = [...new Set(Object.values(settings.roles).flat())].join(",");
   for (const box of all("[data-form]")) box.replaceChildren(...settings.form[box.dataset.form].map((field) => formField(field, box.dataset.factOf)));

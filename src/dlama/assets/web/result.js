@@ -1,6 +1,6 @@
 // A result in; before and after, its maps, its pixels, its scene in 3-D and its files out.
 import { Compare } from "/compare.js";
-import { $, all, chosen, clearErrors, enable, failed, legend, offer, onOpen, openTab, ramp, warnings } from "/messages.js";
+import { $, all, chosen, clearErrors, enable, failed, legend, make, offer, onOpen, openTab, ramp, warnings } from "/messages.js";
 import { PhotoView } from "/photo3d.js";
 import { readGlb } from "/scene.js";
 import * as server from "/server.js";
@@ -74,7 +74,7 @@ async function readPixel(across, down) {
     const depth = answer.depth === null ? "no depth" : answer.depth === "sky" ? "sky" : `${answer.depth.toFixed(3)} m`;
     const rows = [["pixel", `${answer.x}, ${answer.y}`], ["depth", depth], ["point", answer.point ? `${answer.point.map((v) => v.toFixed(3)).join(", ")} m` : "none"], ["origin", answer.origin], ["confidence", answer.confidence.toFixed(2)]];
     if (answer.hole_type !== "none") rows.push(["was", answer.hole_type]);
-    $("readout").replaceChildren(...rows.flatMap(([name, value], i) => [`${i ? " · " : ""}${name} `, Object.assign(document.createElement("b"), { textContent: value })]));
+    $("readout").replaceChildren(...rows.flatMap(([name, value], i) => [`${i ? " · " : ""}${name} `, make("b", {}, value)]));
   } catch (error) { failed(error, "home"); }
 }
 

@@ -28,6 +28,8 @@ from dlama.writing.atomic_write import writing
 from dlama.writing.drafts import lock_output
 
 FOLDER, TABLE = "manifest", "manifest.csv"
+SENT_EVERY = 10.0
+"""Seconds: object stores cannot append, so the shard under way is sent as a whole."""
 
 
 class Manifest:
@@ -50,7 +52,7 @@ class Manifest:
         self._shards: list[Path] = []
         self._writer: IO[bytes] | None = None
         self._shard_rows = 0
-        self._sent = (0, time.monotonic())
+        self._sent = time.monotonic()
         self._lock = contextlib.ExitStack()
         self._folder = Path(self._temporary.name, FOLDER) if output.is_remote else Path(output.of(FOLDER))
         try:
@@ -131,12 +133,8 @@ class Manifest:
             self._writer.flush()
         self._index.execute("insert or replace into rows values (?, ?)", (row.id, line))
         self._shard_rows += 1
-        if self.output.is_remote:  # object stores cannot append: the shard is sent now and then
-            rows, last = self._sent
-            if rows + 1 >= 500 or time.monotonic() - last > 20:
-                self.send()
-            else:
-                self._sent = rows + 1, last
+        if self.output.is_remote and time.monotonic() - self._sent > SENT_EVERY:
+            self.send()
 
     def rows(self) -> Iterator[JobResult]:
         """One a job: those of the list in its order, then those of other lists by id."""
@@ -210,7 +208,7 @@ class Manifest:
             name = f"{FOLDER}/{self._shards[-1].name}"
             with self.output.open(name, "wb") as stream, self._shards[-1].open("rb") as source:
                 shutil.copyfileobj(source, stream)
-        self._sent = 0, time.monotonic()
+        self._sent = time.monotonic()
 
 
 def _same_bytes(path: str, sha256: str) -> bool:

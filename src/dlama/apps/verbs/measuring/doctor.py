@@ -11,10 +11,7 @@ from tyro.conf import Positional
 import dlama
 from dlama.apps.options import Lens, Masking, Reading, Report, given_options, option
 from dlama.apps.terminal.flags import flags_of, with_flags
-from dlama.apps.terminal.output import report_result
-
-FOUND = 1
-"""Exit code where something is wrong with the inputs."""
+from dlama.apps.terminal.output import FAILED, report_result
 
 
 def doctor(
@@ -47,4 +44,4 @@ def doctor(
             result.add(with_flags(finding.line, flags))
         result.values["findings"] = [dataclasses.asdict(finding) for finding in found]
     if any(finding.severity == "fault" for finding in found):
-        raise SystemExit(FOUND)
+        raise SystemExit(FAILED)

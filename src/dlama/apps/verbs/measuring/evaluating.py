@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 from dlama.apps.model_files import model_for
 from dlama.apps.options import Report, typed_words
-from dlama.apps.terminal.output import follow_run, print_line, report_result
+from dlama.apps.terminal.output import FAILED, follow_run, print_line, report_result
 from dlama.apps.verbs.measuring.options import NO_FILL, Cases, Methods, Protocol
 from dlama.arguments import check_word
 from dlama.completion.options import RECIPE_NAMES
@@ -26,8 +26,6 @@ from dlama.evaluation.runner.run import Progress, Results, run
 from dlama.inpainters import FILLERS
 from dlama.worlds.dataset import open_dataset_or_worlds
 
-FAILED = 1
-"""Exit code where some cases could not be run."""
 NETWORK_FILLERS = tuple(name for name, record in FILLERS.items() if record.needs_model)
 """Fillers that run a network."""
 
