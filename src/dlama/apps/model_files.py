@@ -5,11 +5,10 @@ Weights are converted once; the ONNX file lies in the cache directory under the 
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from dlama import __version__
-from dlama.apps.terminal.streams import printable
+from dlama.apps.terminal.streams import print_line
 from dlama.errors import FileError, OutputError, system_errors
 from dlama.models.cache import directory, locate, user_path
 from dlama.models.records import CATALOGUE
@@ -17,8 +16,6 @@ from dlama.models.verify import sha256_of
 from dlama.writing.atomic_write import new_file, write_file
 
 UNKNOWN = "unknown"
-HASH_SUFFIX = ".sha256"
-"""Of the file next to a converted network that has its hash."""
 
 
 def model_for(model: Path | str) -> Path:
@@ -37,13 +34,13 @@ def model_for(model: Path | str) -> Path:
         return path
     sha256 = sha256_of(path)
     target = directory() / "converted" / f"{path.stem}-{sha256[:16]}-dlama{__version__}.onnx"
-    hash_file = target.with_suffix(HASH_SUFFIX)
+    hash_file = target.with_suffix(".sha256")
     if target.is_file():
         if is_whole(target, hash_file):
             return target
-        print(printable(f"note: {target}: is not as it was written; it is made anew"), file=sys.stderr)
+        print_line("note", f"{target}: is not as it was written; it is made anew")
     for note in convert(path, target, licence_of(sha256)):
-        print(printable(f"note: {note}"), file=sys.stderr)
+        print_line("note", note)
     write_file(hash_file, f"{sha256_of(target)}\n")
     return target
 

@@ -10,7 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import partial
@@ -21,6 +21,7 @@ from dlama.apps.terminal.streams import (
     CANNOT_WRITE,
     find_write_error,
     open_closed_streams,
+    print_line,
     printable,
     show_any_text,
     signals_raise,
@@ -38,7 +39,7 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit codes: some jobs or cases failed, or inputs are wrong; for anything the user can put right; of a Ctrl-C that did not come
 as `Stopped`."""
 WITH_FLAGS: ContextVar[Callable[[str], str]] = ContextVar("WITH_FLAGS", default=str)
-"""Puts the flags of the verb under way in place of the parameters that a warning of the library names."""
+"""Puts the flags of the verb under way in place of the parameters that a message of the library names."""
 MINUTE = 60.0
 """Seconds between two lines about progress where there is no terminal."""
 STREAM_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EIO, errno.EBADF, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
@@ -138,18 +139,6 @@ def _explain(error: DlamaError | MemoryError | OSError) -> int | None:
         line = describe_system_error(error)
     print_line("error", line)
     return BAD_INPUT
-
-
-def print_line(kind: str, message: str) -> None:
-    """One line on standard error that begins with its kind (error, warning, note); never wrapped, and coloured on a terminal."""
-    line = printable(" ".join(message.split()))
-    if not sys.stderr.isatty():
-        with suppress(OSError):  # standard error is full: the work continues
-            print(f"{kind}: {line}", file=sys.stderr, flush=True)
-        return
-    from dlama.apps.terminal.bars import print_colored
-
-    print_colored(kind, line)
 
 
 @contextmanager

@@ -61,6 +61,18 @@ def printable(text: str) -> str:
 codecs.register_error(PLAINLY, _replace_unencodable)
 
 
+def print_line(kind: str, message: str) -> None:
+    """One line on standard error that begins with its kind (error, warning, note); never wrapped, and coloured on a terminal."""
+    line = printable(" ".join(message.split()))
+    if not sys.stderr.isatty():
+        with contextlib.suppress(OSError):  # standard error is full: the work continues
+            print(f"{kind}: {line}", file=sys.stderr, flush=True)
+        return
+    from dlama.apps.terminal.bars import print_colored
+
+    print_colored(kind, line)
+
+
 def open_closed_streams() -> None:
     """Streams 0 to 2 that the shell closed swallow what is written; else the next file opened would get their number."""
     for number in range(3):

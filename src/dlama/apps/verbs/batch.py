@@ -25,7 +25,8 @@ from dlama.apps.options import (
     typed_words,
 )
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import FAILED, follow_run, print_line, report_result
+from dlama.apps.terminal.output import FAILED, follow_run, report_result
+from dlama.apps.terminal.streams import print_line
 from dlama.errors import InputError, format_count
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.results.result import Totals

@@ -10,8 +10,7 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps.options import Lens, Masking, Reading, Report, given_options, option
-from dlama.apps.terminal.flags import flags_of, with_flags
-from dlama.apps.terminal.output import FAILED, report_result
+from dlama.apps.terminal.output import FAILED, WITH_FLAGS, report_result
 
 
 def doctor(
@@ -39,9 +38,8 @@ def doctor(
     with report_result("doctor", report) as result:
         options = given_options(lens, reading, masking)
         found = dlama.diagnose(first, second, mask, calib=calib, layout=layout, **options)
-        flags = flags_of(doctor)
         for finding in found:
-            result.add(with_flags(finding.line, flags))
+            result.add(WITH_FLAGS.get()(finding.line))
         result.values["findings"] = [dataclasses.asdict(finding) for finding in found]
     if any(finding.severity == "fault" for finding in found):
         raise SystemExit(FAILED)

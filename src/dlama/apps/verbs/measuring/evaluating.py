@@ -11,7 +11,8 @@ from typing import Any, get_args
 
 from dlama.apps.model_files import model_for
 from dlama.apps.options import Report, typed_words
-from dlama.apps.terminal.output import FAILED, follow_run, print_line, report_result
+from dlama.apps.terminal.output import FAILED, follow_run, report_result
+from dlama.apps.terminal.streams import print_line
 from dlama.apps.verbs.measuring.options import NO_FILL, Cases, Methods, Protocol
 from dlama.arguments import check_word
 from dlama.completion.options import RECIPE_NAMES

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +13,7 @@ from tyro.conf import Positional
 from dlama.apps.options import Report, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import KERNELS, report_result
-from dlama.apps.terminal.streams import printable
+from dlama.apps.terminal.streams import print_line
 from dlama.errors import InputError, require_extra
 from dlama.workers.progress import log_messages
 
@@ -78,16 +78,10 @@ def train(
     require_extra("training a network", "train", NEEDED)
     from dlama.training.loop import train as loop
 
-    logged = nullcontext() if report.quiet else log_messages(print_note, without=KERNELS)
+    logged = nullcontext() if report.quiet else log_messages(partial(print_line, "note"), without=KERNELS)
     with report_result("train", report) as result, logged:
         done = loop.train(chosen, output, data=data, max_minutes=max_minutes, resume=resume)
         if done.first:
             network = None if done.network is None else str(done.network)
             line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume continues'}"
             result.add(line, output=str(done.run), step=done.step, ended=done.ended, network=network)
-
-
-def print_note(message: str) -> None:
-    """One line on standard error; a full one does not end a training."""
-    with suppress(OSError):
-        print(printable(message), file=sys.stderr, flush=True)
