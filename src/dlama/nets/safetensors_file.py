@@ -10,7 +10,7 @@ import numpy as np
 from safetensors import SafetensorError, deserialize, safe_open
 from safetensors.numpy import save
 
-from dlama.errors import FileError
+from dlama.errors import FileError, any_error
 from dlama.writing.atomic_write import write_file
 
 DTYPES = {
@@ -62,10 +62,8 @@ def _sort_metadata(data: bytes) -> bytes:
 def _array(path: Path, name: str, dtype: str, shape: list[int], data: bytearray) -> np.ndarray:
     if dtype not in DTYPES:
         raise FileError(f"{path}: {name} holds {dtype}, expected one of {', '.join(DTYPES)}")
-    try:
+    with any_error(FileError, f"{path}: {name}: no array has shape {shape}"):  # as (0, 2**62, 2**62)
         array: np.ndarray = np.frombuffer(data, DTYPES[dtype]).reshape(shape)
-    except ValueError as error:  # no numbers, and yet sides of more than memory addresses: (0, 2**62, 2**62)
-        raise FileError(f"{path}: {name}: no array has shape {shape} ({error})") from error
     return widen_bfloat16(array) if dtype == "BF16" else array
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import FileError
+from dlama.errors import FileError, any_error
 from dlama.nets.safetensors_file import DTYPES, widen_bfloat16
 
 DEEPEST = 100
@@ -58,10 +58,8 @@ class TorchFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
+        with any_error(FileError, f"{path}: not a torch archive"):
             self._archive = zipfile.ZipFile(path)
-        except Exception as error:  # BadZipFile, OSError, NotImplementedError, UnicodeDecodeError, ...
-            raise FileError(f"{path}: not a torch archive ({error})") from error
         with self._archive:
             names = self._archive.namelist()
             roots = [name[: -len("data.pkl")] for name in names if name.endswith("data.pkl") and name.count("/") <= 1]
@@ -107,24 +105,18 @@ class TorchFile:
         return (widen_bfloat16(array) if code == "BF16" else array), code
 
     def _entry(self, archive: zipfile.ZipFile, name: str) -> bytes:
-        try:
+        with any_error(FileError, f"{self.path}: entry {self.root}{name} cannot be read"):
             info = archive.getinfo(self.root + name)
             if info.compress_type != zipfile.ZIP_STORED:
                 raise FileError(f"{self.path}: entry {info.filename} is compressed, which torch never does")
             return archive.read(info)
-        except FileError:
-            raise
-        except Exception as error:  # KeyError, EOFError, OSError, BadZipFile, NotImplementedError, RuntimeError, ...
-            raise FileError(f"{self.path}: entry {self.root}{name} cannot be read ({error})") from error
 
     def _unpickle(self) -> Any:
+        data = self._entry(self._archive, "data.pkl")
         try:
-            data = self._entry(self._archive, "data.pkl")
             if len(data) > LARGEST_PICKLE:
                 raise pickle.UnpicklingError(f"{len(data)} bytes; at most {LARGEST_PICKLE} are read")
             return _InertUnpickler(io.BytesIO(data), encoding="utf-8").load()
-        except FileError:
-            raise
         except Exception as error:  # a broken pickle can raise anything at all
             reason = f"{type(error).__name__}: {error}"[:200]
             raise FileError(f"{self.path}: its pickle cannot be read ({reason})") from error

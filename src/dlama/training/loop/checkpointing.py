@@ -59,16 +59,14 @@ def write_checkpoint(path: Path, checkpoint: dict[str, Any]) -> None:
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
     """What `checkpoint_of` made; no code of the file is run. FileError where it is no checkpoint of this version, or damaged."""
-    try:
+    if not path.exists():
+        raise FileError(f"{path}: no such checkpoint, so there is nothing to resume")
+    with any_error(FileError, f"{path}: cannot be read as a checkpoint"):
         with zipfile.ZipFile(path) as archive:  # torch does not compare the checksums that it wrote
             damaged = archive.testzip()
-        found = None if damaged else torch.load(path, map_location="cpu", weights_only=True)
-    except FileNotFoundError as error:
-        raise FileError(f"{path}: no such checkpoint, so there is nothing to resume") from error
-    except Exception as error:  # a damaged archive raises anything
-        raise FileError(f"{path}: cannot be read as a checkpoint ({first_line(error)})") from error
-    if damaged:
-        raise FileError(f"{path}: is damaged: the checksum of {damaged} is wrong")
+        if damaged:
+            raise FileError(f"{path}: is damaged: the checksum of {damaged} is wrong")
+        found = torch.load(path, map_location="cpu", weights_only=True)
     if not isinstance(found, dict) or found.get("version") != VERSION:
         raise FileError(f"{path}: no checkpoint of dlama's training, version {VERSION}")
     return found

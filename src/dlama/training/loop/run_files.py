@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dlama.errors import FileError, InputError, OutputError, system_errors
+from dlama.errors import FileError, InputError, OutputError, any_error, system_errors
 from dlama.files.fields import json_text, json_value
 from dlama.training.presets import PRESETS, settings_of
 from dlama.training.settings import TrainSettings
@@ -174,13 +174,10 @@ class MetricsTable:
 
 def _table(path: Path) -> list[dict[str, str]]:
     """Rows of a metrics.csv, every cell a text. FileError where it cannot be read or has no steps."""
-    try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            reader = csv.DictReader(stream, restval="")
-            names = reader.fieldnames or ()
-            rows = [{name: text for name, text in row.items() if isinstance(name, str)} for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path}: cannot be read as a table ({error})") from error
+    with any_error(FileError, f"{path}: cannot be read as a table"), path.open(encoding="utf-8", newline="") as stream:
+        reader = csv.DictReader(stream, restval="")
+        names = reader.fieldnames or ()
+        rows = [{name: text for name, text in row.items() if isinstance(name, str)} for row in reader]
     if "step" not in names:
         raise FileError(f"{path}: is damaged: it has no column `step`")
     return rows
