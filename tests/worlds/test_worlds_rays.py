@@ -38,7 +38,7 @@ def set_world(builder: SceneBuilder, light: Light | None = None, **changes: obje
     """The world of a builder, without haze and without smoothed edges."""
     light = light or Light(tuple(SUN))  # type: ignore[arg-type]
     return dataclasses.replace(
-        World(builder.shapes(), builder.texels(), light, CLEAR, "test", 1.4, antialias=False),
+        World(builder.shapes(), builder.texels(), light, CLEAR, 1.4, antialias=False),
         **changes,  # type: ignore[arg-type]
     )
 

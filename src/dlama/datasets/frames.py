@@ -129,8 +129,7 @@ class Dataset:
 
     def __post_init__(self) -> None:
         """FileError where a name is no text: results, reports and hashes are made of them."""
-        names = ((one.scene, one.name) for one in self.frames)
-        for name in dict.fromkeys(part for pair in ((self.name, ""), *names) for part in pair):
+        for name in dict.fromkeys([self.name, *(part for one in self.frames for part in (one.scene, one.name))]):
             try:
                 name.encode()
             except UnicodeEncodeError as error:

@@ -29,12 +29,14 @@ NOMINAL_BASELINE_M = 0.16
 
 def looks_like_stereo(root: Path) -> bool:
     """True where a folder holds a left and a right picture."""
-    return any((root / left).is_file() and (root / right).is_file() for left, right in _PICTURES)
+    return any((root / left).is_file() and (root / right).is_file() for left, right, *_ in _KINDS)
 
 
-_PICTURES = (("im0.png", "im1.png"), ("left.png", "right.png"))
-_LEFT_DISPARITY = {"im0.png": ("disp0.pfm", "disp0GT.pfm"), "left.png": ("disparity.npz", "disp_left.png")}
-_RIGHT_DISPARITY = {"im0.png": ("disp1.pfm", "disp1GT.pfm"), "left.png": ("disp_right.png",)}
+_KINDS = (
+    ("im0.png", "im1.png", "calib.txt", ("disp0.pfm", "disp0GT.pfm"), ("disp1.pfm", "disp1GT.pfm")),
+    ("left.png", "right.png", "calib.json", ("disparity.npz", "disp_left.png"), ("disp_right.png",)),
+)
+"""Pictures, calibration, and the disparities of the left and of the right view."""
 
 
 def stereo_folder(root: Path) -> Dataset:
@@ -53,18 +55,13 @@ def stereo_folder(root: Path) -> Dataset:
 
 def _files(folder: Path) -> tuple[Path, Path, Path, Path, Path | None]:
     """The arguments of `load_stereo`."""
-    left, right = next(names for names in _PICTURES if (folder / names[0]).is_file())
-    calib = folder / ("calib.txt" if left == "im0.png" else "calib.json")
-    if not calib.is_file():
-        raise FileError(f"{calib}: no such file; a stereo folder needs it next to {left}")
-    truth = _first(folder, _LEFT_DISPARITY[left])
+    left, right, calib, *kinds = next(names for names in _KINDS if (folder / names[0]).is_file())
+    if not (folder / calib).is_file():
+        raise FileError(f"{folder / calib}: no such file; a stereo folder needs it next to {left}")
+    truth, other = (next((folder / name for name in names if (folder / name).is_file()), None) for names in kinds)
     if truth is None:
-        raise FileError(f"{folder}: has no true disparity; {' or '.join(_LEFT_DISPARITY[left])} is expected")
-    return folder / left, folder / right, calib, truth, _first(folder, _RIGHT_DISPARITY[left])
-
-
-def _first(folder: Path, names: tuple[str, ...]) -> Path | None:
-    return next((folder / name for name in names if (folder / name).is_file()), None)
+        raise FileError(f"{folder}: has no true disparity; {' or '.join(kinds[0])} is expected")
+    return folder / left, folder / right, folder / calib, truth, other
 
 
 def load_stereo(

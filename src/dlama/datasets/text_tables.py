@@ -216,21 +216,17 @@ def files_in(folder: Path, suffixes: Iterable[str]) -> list[Path]:
     )
 
 
-def files_below(folder: Path, suffixes: Iterable[str]) -> list[Path]:
-    """The files of these kinds in a folder and below, by path. FileError where the folder cannot be listed."""
-    kinds = set(suffixes)
-    with system_errors(FileError):
-        next(folder.iterdir(), None)  # PermissionError; rglob would find nothing there
-    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in kinds and path.is_file())
-
-
 def pictures_below(folder: Path, nor: str = "") -> tuple[Path, ...]:
-    """The pictures in a folder and below, by path. FileError where it is none or holds none; its message ends with `nor`."""
+    """The pictures in a folder and below, by path. FileError where it is none, cannot be listed, or holds none; that message ends
+    with `nor`."""
     if not folder.is_dir():
         raise FileError(f"{folder}: is no folder; a folder of pictures is expected")
-    if found := files_below(folder, SUFFIXES):
-        return tuple(found)
-    raise FileError(f"{folder}: holds no pictures ({', '.join(SUFFIXES)}){nor}")
+    with system_errors(FileError):
+        next(folder.iterdir(), None)  # PermissionError; rglob would find nothing there
+    found = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    if not found:
+        raise FileError(f"{folder}: holds no pictures ({', '.join(SUFFIXES)}){nor}")
+    return tuple(found)
 
 
 def files_by_stem(folder: Path, suffixes: Iterable[str]) -> dict[str, Path]:

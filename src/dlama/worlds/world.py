@@ -80,7 +80,6 @@ class World:
     """Layers x texels x 4: sRGB and alpha, all levels."""
     light: Light
     sky: Sky
-    name: str
     eye_m: float = 1.4
     """Height of the first camera above the ground (y = 0)."""
     antialias: bool = True

@@ -30,8 +30,7 @@ def build(seed: int, kind: Kind | None, photos: Sequence[Photo]) -> World:
     plan = FloorPlan(builder, Palette(builder, rng, photos), rng)
     (street if is_street else room)(plan)
     light, sky = (daylight(rng) if is_street else lamplight(rng)), random_sky(rng)
-    name = f"{'street' if is_street else 'room'}-{seed}"
-    return World(builder.shapes(), builder.texels(), light, sky, name, float(rng.uniform(1.2, 1.6)))
+    return World(builder.shapes(), builder.texels(), light, sky, float(rng.uniform(1.2, 1.6)))
 
 
 def direction_to_light(azimuth_deg: float, elevation_deg: float) -> Rgb:

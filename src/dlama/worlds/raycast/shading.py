@@ -78,10 +78,11 @@ def step(t: Real, d: Vector, e: Vector, normal: Vector) -> Vector:
 
 @inlined
 def surface(
-    scene: Scene, i: Whole, face: Whole, t: Real, p: Vector, d: Vector, camera: Float64Array, width: Real
+    scene: Scene, hit: tuple[Real, Whole, Whole], p: Vector, d: Vector, camera: Float64Array, width: Real
 ) -> tuple[Vector, Vector]:
-    """Linear colour of the surface at a hit over a footprint `width` pixels wide, and its normal towards the viewer."""
+    """Linear colour of the surface at a hit (t, shape, face) over `width` pixels, and its normal towards the viewer."""
     shapes, texels, _, _, _ = scene
+    t, i, face = hit
     at = to_local(shapes, i, from_centre(shapes, i, p))
     normal, along_u, along_v = tangents(shapes, i, face, at)
     normal = to_world(shapes, i, normal)
@@ -134,7 +135,7 @@ def ray(
     if which < 0:
         return sky(scene[1], light, d, width / camera[12]), np.inf, -1, k.UNLIT
     p = along(eye, t, d)
-    (r, g, b), normal = surface(scene, which, face, t, p, d, camera, width)
+    (r, g, b), normal = surface(scene, (t, which, face), p, d, camera, width)
     facing = dot(normal, (light[k.TO_LIGHT], light[k.TO_LIGHT + 1], light[k.TO_LIGHT + 2]))
     state = k.LIT if facing > 0 else k.UNLIT
     if state == k.LIT and light[k.SHADOWS] > 0 and in_shadow(scene, gone, along(p, k.LIFT, normal)):
