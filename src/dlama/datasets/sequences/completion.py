@@ -79,10 +79,10 @@ class SequenceCompletion:
         scene: the frames without what is removed; cameras: of the views, None = of the frames; masks: of the removed object, by
         frame."""
         self.scene = scene
-        self.cameras = cameras or {name: frame.camera for name, frame in zip(loaded.kept, scene.frames)}
+        self.cameras = cameras or {name: frame.camera for name, frame in zip(scene.names, scene.frames)}
         self._dataset, self._loaded, self._plan = dataset, loaded, plan
         self._masks, self._settings = masks, settings
-        self._steps = steps_for(plan, scene, loaded.kept, cameras)
+        self._steps = steps_for(plan, scene, cameras)
 
     def __repr__(self) -> str:
         return f"SequenceCompletion({len(self.cameras)} views of {len(self.scene.frames)} frames)"
@@ -152,24 +152,24 @@ class SequenceCompletion:
 
 def about_frames(loaded: LoadedScene) -> dict[str, Any]:
     """For meta.json: where depth comes from, the frames that the scene is made of, why others were left out."""
-    given, kept = loaded.scene, loaded.kept
-    contradict = [name for name in loaded.names if name not in kept and name not in loaded.damaged]
+    given = loaded.scene
     return {
         "depth": "estimated" if given.has_estimated_depth else "measured",
-        "frames": {"names": kept, "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
-        "left_out": loaded.damaged | dict.fromkeys(contradict, "see warnings"),
+        "frames": {
+            "names": list(given.names),
+            "gains": [list(gain) for gain in given.gains],
+            "noise": list(given.noise),
+        },
+        "left_out": loaded.damaged | dict.fromkeys(loaded.contradicting, "see warnings"),
     }
 
 
-def steps_for(plan: Plan, scene: Scene, names: Sequence[str], cameras: Mapping[str, Camera] | None) -> list[Step]:
-    """The views to complete, in order: the frames that matter, then the cameras (name -> camera; None: the frames' own).
-
-    names: of the frames.
-    """
+def steps_for(plan: Plan, scene: Scene, cameras: Mapping[str, Camera] | None) -> list[Step]:
+    """The views to complete, in order: the frames that matter, then the cameras (name -> camera; None: the frames' own)."""
     places = frames_to_fill(plan, scene, list((cameras or {}).values()))
     if cameras is None:
         places += [place for place in range(len(scene.frames)) if place not in places]
-    frames = [Step(names[place], scene.frames[place].camera, place, cameras is None) for place in places]
+    frames = [Step(scene.names[place], scene.frames[place].camera, place, cameras is None) for place in places]
     return [*frames, *(Step(name, camera, None, True) for name, camera in (cameras or {}).items())]
 
 

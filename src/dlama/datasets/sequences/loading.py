@@ -56,9 +56,9 @@ class LoadedScene(NamedTuple):
     """For meta.json: whose poses count, and why; of a scene.npz nothing is decided."""
 
     @property
-    def kept(self) -> list[str]:
-        """Names of the scene's frames, in their order."""
-        return [self.names[number] for number in self.scene.numbers]
+    def contradicting(self) -> list[str]:
+        """Frames that were read and are not in the scene, as they contradict all others."""
+        return [name for name in self.names if name not in self.scene.names]
 
 
 def read_scene_of(
@@ -191,7 +191,7 @@ def masks_of_frames(masks: Mapping[str, BoolArray], loaded: LoadedScene, frames:
     """Number of a frame -> mask, as `masks_by_number`, of the frames that `frames` chose; those of larger pictures in the size to
     which these were shrunk. MaskError, which names the frame: another size."""
     names, scene = loaded.names, loaded.scene
-    others = dict.fromkeys(set(names) - set(loaded.kept), "it contradicts all others")
+    others = dict.fromkeys(loaded.contradicting, "it contradicts all others")
     others |= dict.fromkeys(loaded.not_chosen, f"`frames` is {frames}")
     found = {}
     for number, mask in masks_by_number(masks, names, loaded.damaged, others).items():
