@@ -8,7 +8,6 @@ import re
 import shutil
 import sys
 import textwrap
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -84,14 +83,13 @@ def warm_up(*, report: Report) -> None:
     from dlama.models.network_file import processor_count
 
     with report_result("warm-up", report) as result:
-        started = time.perf_counter()
         running = start_compiling("all", processor_count())
         if any([one.wait() for one in running]):  # noqa: C419  (all of them end)
             raise OutputError(
                 "kernels could not be compiled, or not be kept: `python -m dlama.geometry.kernels.ahead all 0 1` says why"
             )
         count = len(listed_kernels())
-        line = f"{format_count(count, 'kernel')} compiled or found on disk, {time.perf_counter() - started:.1f} s"
+        line = f"{format_count(count, 'kernel')} compiled or found on disk, {result.seconds:.1f} s"
         result.add(line, kernels=count)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -57,7 +57,7 @@ class Command(JobInputs):
     def report_completion(self, done: dlama.Completion, place: Path, parameters: Parameters) -> None:
         """The line about a result that lies in a place."""
         files = file_names(done, **select(parameters, RESULTS))
-        line = summary_line(done.meta, place, self.seconds)
+        line = summary_line(done.meta, place, self.result.seconds)
         self.result.add(line, **summary_values(done.meta, place, files, self.stages))
 
     def report_depth(self, rgbd: RGBD, output: Path) -> None:
@@ -66,7 +66,7 @@ class Command(JobInputs):
         scale = WITH_FLAGS.get()(RULES[about["scale"]["rule"]])
         line = f"{output}: {describe_depth_range(rgbd.depth)}, {describe_depth_source(about)}, {scale}"
         values = {"output": str(output), "files": list(FILES_OF_DEPTH), "depth_estimate": about}
-        self.result.add(f"{line}, {self.seconds:.1f} s", **values)
+        self.result.add(f"{line}, {self.result.seconds:.1f} s", **values)
 
     def find_mask(self, files: Inputs, options: Parameters) -> tuple[dlama.ObjectMask, RGBD | UInt8Array]:
         """What the options point at in a picture, and that, with its depth where it is needed. InputError and its kin."""
@@ -91,7 +91,7 @@ class Command(JobInputs):
         shares["share"] = round(float(found.mask.mean()), 6)
         shadow = "" if found.shadow is None or not found.shadow.any() else f", {found.shadow.mean():.1%} of it shadow"
         line = f"{output}: {found.chosen} by {found.masker}, {found.mask.mean():.1%} of the picture{shadow}"
-        line += f", {self.seconds:.1f} s{mask_notes(found.chosen, found.candidates, found.notes)}"
+        line += f", {self.result.seconds:.1f} s{mask_notes(found.chosen, found.candidates, found.notes)}"
         self.result.add(line, files=[str(output), str(overlay)], **found.about, **shares)
 
 
@@ -113,12 +113,18 @@ def refuse_many(verb: str, image: Path | str | None) -> None:
             f"`dlama batch --images '{place}/*{one.suffix}' --verb {verb}` takes all in it" for one in pictures[:1]
         ]
         raise InputError("; ".join([f"{place}: is a folder, {expected}", *which])) from None
-    which, of_pairs = [f"{place}: is a data set (layout {layout}), {expected}"], layout == "stereo"
+    raise InputError(
+        "; ".join([f"{place}: is a data set (layout {layout}), {expected}", *takers_of(place, layout, verb)])
+    )
+
+
+def takers_of(place: Path, layout: str, verb: str) -> Iterator[str]:
+    """In words, which verbs take a data set of that layout in place of that one."""
+    of_pairs = layout == "stereo"
     if not of_pairs and verb not in ("depth", "mask"):
-        which.append("`dlama sequence` and `dlama video` take its frames as one scene")
+        yield "`dlama sequence` and `dlama video` take its frames as one scene"
     if verb != "mask" and of_pairs >= (verb == "stereo"):
-        which.append(f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself")
-    raise InputError("; ".join(which))
+        yield f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself"
 
 
 def summary_line(meta: Mapping[str, Any], place: object, seconds: float) -> str:

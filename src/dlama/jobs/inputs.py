@@ -135,13 +135,6 @@ class JobInputs:
     """How the mask was found, where it was pointed at."""
     depth_reading: dict[str, Any] = field(default_factory=dict)
     """Options that depth, or the disparity of a pair, was read with; those that were given."""
-    started: float = field(default_factory=time.perf_counter)
-    """By `time.perf_counter`."""
-
-    @property
-    def seconds(self) -> float:
-        """Since the job began."""
-        return time.perf_counter() - self.started
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:

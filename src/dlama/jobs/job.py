@@ -62,8 +62,7 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
         where: for messages.
         verb: of rows without one.
     """
-    filled = {name: value for name, value in row.items() if not isinstance(value, str | None) or value}
-    given = {name: value for name, value in filled.items() if not str(name).startswith("_")}
+    given = {name: value for name, value in row.items() if not (is_empty(value) or str(name).startswith("_"))}
     name = check_id(str(given.pop("id", "")), where)
     called = str(given.pop("verb", verb or ""))
     try:
@@ -77,6 +76,11 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
         if role in values and role in given:
             values[role] = resolve_path(values[role], base, role in FILES)
     return Job(name, called, values, where)
+
+
+def is_empty(value: object) -> bool:
+    """Whether a cell of a list is empty."""
+    return isinstance(value, str | None) and not value
 
 
 def check_id(name: str, where: str) -> str:

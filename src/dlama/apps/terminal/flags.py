@@ -11,7 +11,7 @@ import inspect
 import itertools
 import re
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from tyro.conf import Positional
@@ -52,15 +52,19 @@ def check_words(verb: Callable[..., Any], words: Sequence[str]) -> None:
     for flag, one in flags.items():
         if (one.several or one.listed) and given.count(flag) > 1:
             raise InputError(f"{flag} is given twice; all its values behind one {flag} are expected")
+    for one, typed in _typed(flags, words):
+        if not any(_fits(typed, kind) for kind in one.kinds):
+            raise InputError(f"{one.flag} is {typed!r}; {_describe(one.kinds)} is expected")
+
+
+def _typed(flags: Mapping[str, Flag], words: Sequence[str]) -> Iterator[tuple[Flag, str]]:
+    """Each option that is given, with each of its values."""
     for place, word in enumerate(words):
         name, equals, value = word.partition("=")
-        option = flags.get(name.replace("_", "-"))
-        if option is None:
-            continue
-        behind = itertools.takewhile(lambda word: not FLAG.match(word), words[place + 1 :])
-        for typed in [value] if equals else itertools.islice(behind, None if option.several else 1):
-            if not any(_fits(typed, kind) for kind in option.kinds):
-                raise InputError(f"{option.flag} is {typed!r}; {_describe(option.kinds)} is expected")
+        if one := flags.get(name.replace("_", "-")):
+            behind = itertools.takewhile(lambda word: not FLAG.match(word), words[place + 1 :])
+            for typed in [value] if equals else itertools.islice(behind, None if one.several else 1):
+                yield one, typed
 
 
 def _describe(kinds: Sequence[Any]) -> str:

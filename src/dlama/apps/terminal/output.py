@@ -52,6 +52,12 @@ class Result:
 
     lines: list[str] = field(default_factory=list)
     values: dict[str, Any] = field(default_factory=dict)
+    started: float = field(default_factory=time.perf_counter)
+
+    @property
+    def seconds(self) -> float:
+        """Since the verb began."""
+        return time.perf_counter() - self.started
 
     def add(self, line: str, **values: Any) -> None:
         """One more line, and its values."""
@@ -62,7 +68,7 @@ class Result:
 @contextmanager
 def report_result(verb: str, report: Report) -> Iterator[Result]:
     """Warnings and notes of what runs inside, a line each; at its end its Result, if it has one, as lines or one JSON object."""
-    result, warned, started = Result(), [], time.perf_counter()
+    result, warned = Result(), list[str]()
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
         line = " ".join(WITH_FLAGS.get()(str(message)).split())
@@ -87,8 +93,7 @@ def report_result(verb: str, report: Report) -> Iterator[Result]:
     if not result.lines:
         return
     if report.json:
-        seconds = round(time.perf_counter() - started, 3)
-        print(json.dumps({"verb": verb, **result.values, "seconds": seconds, "warnings": warned}))
+        print(json.dumps({"verb": verb, **result.values, "seconds": round(result.seconds, 3), "warnings": warned}))
     elif not report.quiet:
         print(printable("\n".join(result.lines)))
 

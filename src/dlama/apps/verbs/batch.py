@@ -121,12 +121,7 @@ def batch(
             for line in plan_lines(jobs, which.verb, given):
                 result.add(line)
             return
-        if output is None:
-            raise InputError("`output` is missing; a directory for the results is expected: -o DIR")
-        place = output if is_address(output) else Path(local_path(output))  # Path makes s3:/ of s3://
-        if isinstance(place, Path):
-            listed = Path(local_path(words[0])) if words and not is_address(words[0]) else None
-            check_folder_apart(place, {"folder of frames": which.data, "list of jobs": listed})
+        place = check_place(output, which.data, words)
         options = {name: value for name, value in vars(running).items() if name != "dry_run"}
         options |= {} if which.data else given  # a data set's jobs have theirs
         totals = Totals()
@@ -136,6 +131,17 @@ def batch(
         result.add("\n".join(totals.lines(str(place))), **totals.values(str(place)))
     if totals.failed:
         raise SystemExit(FAILED)
+
+
+def check_place(output: str | None, data: Path | None, words: Sequence[str]) -> Path | str:
+    """Where results go: a directory, or an address. InputError: none; OutputError: a directory that is read from."""
+    if output is None:
+        raise InputError("`output` is missing; a directory for the results is expected: -o DIR")
+    if is_address(output):
+        return output  # Path makes s3:/ of s3://
+    listed = Path(local_path(words[0])) if words and not is_address(words[0]) else None
+    check_folder_apart(Path(local_path(output)), {"folder of frames": data, "list of jobs": listed})
+    return Path(local_path(output))
 
 
 def write_page(words: Sequence[str], report: Report) -> None:

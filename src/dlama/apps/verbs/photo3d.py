@@ -97,5 +97,5 @@ def photo3d(
         cameras = format_count(len(figures["filled_cameras"]), "camera")
         line = f"{output}: turns by {turned.angle:.1f} degrees about {turned.pivot:.3g} m, filled for {cameras}"
         values = {"angle": turned.angle, "distance": turned.distance, "open_share": figures["open_share"]}
-        line += f", filler {name}, {this.seconds:.1f} s"
+        line += f", filler {name}, {this.result.seconds:.1f} s"
         this.result.add(line, output=str(output), **values, filler=name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,7 +115,6 @@ def sequence(
     """
     from dlama.datasets.sequences.results import check_results
 
-    started = time.perf_counter()
     with report_result("sequence", report) as result:
         check_folder_apart(output, {"data set": dataset, "folder of masks": objects.masks})
         files, how = mask_files(objects.mask, objects.masks), given_options(masking)
@@ -129,7 +127,7 @@ def sequence(
         with follow_run("sequence", report) as progress:
             completion = dlama.sequence(dataset, **options, **given_options(method))
             meta = completion.write(output, progress=progress, **written)
-        result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
+        result.add(summary_line(meta, output, result.seconds), **summary_values(meta, output))
 
 
 def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,7 +58,6 @@ def video(
     from dlama.datasets.sequences.loading import read_scene_of
     from dlama.files.results.video import check_video, write_video
 
-    started = time.perf_counter()
     with report_result("video", report) as result, counting_bar("video", report) as bar:
         check_video(output, moving.fps)
         check_file_apart(output, {"what is shown": source})
@@ -79,4 +77,4 @@ def video(
         fps = moving.fps
         count = write_video(output, pictures(), fps)
         line = f"{output}: {format_count(count, 'picture')}, {count / fps:.1f} s at {fps:g} a second, filler {chosen}"
-        result.add(f"{line}, {time.perf_counter() - started:.1f} s", output=str(output), pictures=count, filler=chosen)
+        result.add(f"{line}, {result.seconds:.1f} s", output=str(output), pictures=count, filler=chosen)

@@ -54,14 +54,7 @@ class Packer:
         """All that wait into one shard. What they replace goes first, from its shard or with its folder; rows follow last."""
         if not self.waiting:
             return
-        replaced: dict[str, set[str]] = {}
-        for row in self.waiting:
-            if is_shard(row.replaces):
-                replaced.setdefault(row.replaces, set()).add(key_of(row.id))
-            elif row.replaces and self.output.has(row.replaces):
-                self._remove(row.replaces)
-        for shard, keys in replaced.items():
-            self._leave_out(shard, keys)
+        self._remove_replaced()
         name = f"{FOLDER}/{self._next():06d}.tar"
         for row in self.waiting:  # a run that ends before their last rows leaves this shard to be replaced
             self.manifest.add(dataclasses.replace(row, replaces=name))
@@ -72,6 +65,16 @@ class Packer:
         for row in self.waiting:
             self._remove(row.folder)
         self.waiting = []
+
+    def _remove_replaced(self) -> None:
+        replaced: dict[str, set[str]] = {}
+        for row in self.waiting:
+            if is_shard(row.replaces):
+                replaced.setdefault(row.replaces, set()).add(key_of(row.id))
+            elif row.replaces and self.output.has(row.replaces):
+                self._remove(row.replaces)
+        for shard, keys in replaced.items():
+            self._leave_out(shard, keys)
 
     def _members(self, row: JobResult) -> Iterator[tuple[str, bytes]]:
         """The files of a result; in a shard the folders inside it are part of a file's ending (`right.image.png`)."""
