@@ -14,13 +14,7 @@ import pytest
 import dlama
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.stereo.disparities import match_pair
-from dlama.completion.stereo.pair import (
-    OBJECT_REACH,
-    MatchedPair,
-    default_far,
-    depth_in_metres,
-    largest_object_disparity,
-)
+from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres
 from dlama.completion.stereo.stereo import stereo
 from dlama.errors import DepthError, InputError
 from dlama.files.rasters.depth import read_disparity, write_disparity_pfm
@@ -163,21 +157,6 @@ def test_a_far_limit_nearer_than_everything_is_refused() -> None:
     disparity = np.full(CAMERA.hw, 4, np.float32)
     with pytest.raises(DepthError, match=r"no depth is nearer than far, 1e-09 m; the scene has "):
         stereo(picture, picture[:, ::-1].copy(), rig(), disparity=disparity, far=1e-9)
-
-
-def test_the_nearest_of_an_object_is_its_largest_disparity_around() -> None:
-    """Twin: the largest of the mask within a disc of OBJECT_REACH px, pixel by pixel; 0 where the mask is farther away."""
-    rng = np.random.default_rng(0)
-    disparity = rng.uniform(1, 20, (40, 50)).astype(np.float32)
-    mask = np.zeros(disparity.shape, bool)
-    mask[12:20, 10:22] = rng.random((8, 12)) < 0.6
-    got = largest_object_disparity(disparity, mask)
-    rows, columns = np.nonzero(mask)
-    for row, column in np.ndindex(disparity.shape):
-        apart = np.hypot(rows - row, columns - column)
-        surely, maybe = (disparity[rows, columns][apart <= OBJECT_REACH + margin] for margin in (-1, 1))
-        assert surely.max(initial=0) <= got[row, column] <= maybe.max(initial=0)
-    np.testing.assert_array_equal(largest_object_disparity(disparity, ~mask & mask), 0)
 
 
 @pytest.mark.parametrize("filler", ["layered", "telea"])
