@@ -119,7 +119,7 @@ def render_path(
     if not cameras:
         raise InputError("cameras is empty; a path of one camera or more is expected")
     check_seed(seed)
-    inpainter = find_filler(choose_filler(scene.has_estimated_depth, filler, model).filler, model)
+    inpainter = choose_filler(scene.has_estimated_depth, filler, model).inpainter
     return _views(scene, list(cameras), inpainter, find_filler("telea") if filler == AUTO else inpainter, seed)
 
 

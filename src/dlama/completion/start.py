@@ -80,14 +80,10 @@ class Start(NamedTuple):
 class FillerChoice(NamedTuple):
     """A filler, its name, and why that one."""
 
-    filler: str | Inpainter
+    inpainter: Inpainter
     name: str
-    reason: str
-
-    @property
-    def decision(self) -> dict[str, dict[str, Any]]:
-        """For meta.json."""
-        return {"filler": {"name": self.name, "reason": self.reason}}
+    decision: dict[str, dict[str, Any]]
+    """For meta.json."""
 
 
 def scene_of(rgbd: RGBD | Scene | Sequence[FrameSource], clip: float | None = None) -> Scene:
@@ -116,17 +112,18 @@ def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
 def choose_filler(estimated: bool, filler: str | Inpainter, model: str | Path | None) -> FillerChoice:
     """The filler as given; for `auto` the one that suits depth that was measured, or estimated.
 
-    InputError: a model for `auto`.
+    InputError: a model for `auto`, and as of `find_filler`.
     """
-    if filler != AUTO:
-        return FillerChoice(filler, filler if isinstance(filler, str) else function_name(filler), "as given")
-    if model is not None:
-        raise InputError(
-            f"`model` is {model} and filler 'auto', which chooses by the depth; name the filler that runs the model"
-        )
-    if estimated:
-        return FillerChoice(ESTIMATED, ESTIMATED, "a network estimated the depth")
-    return FillerChoice(MEASURED, MEASURED, "the depth was measured")
+    reason = "as given"
+    if filler == AUTO:
+        if model is not None:
+            raise InputError(
+                f"`model` is {model} and filler 'auto', which chooses by the depth; name the filler that runs the model"
+            )
+        filler = ESTIMATED if estimated else MEASURED
+        reason = "a network estimated the depth" if estimated else "the depth was measured"
+    name = filler if isinstance(filler, str) else function_name(filler)
+    return FillerChoice(find_filler(filler, model), name, {"filler": {"name": name, "reason": reason}})
 
 
 def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
@@ -187,7 +184,7 @@ def plan_for(
     given = scene = scene_of(rgbd, recipe.clip)
     check_memory((*(one.camera for one in given.frames if isinstance(one, View)), *cameras))
     choice = choose_filler(given.has_estimated_depth, options.filler, options.model)
-    inpainter, decisions, dilation = find_filler(choice.filler, options.model), choice.decision, NO_DILATION
+    decisions, dilation = choice.decision, NO_DILATION
     if mask is not None:
         removal = remove_object(scene, mask, recipe.dilate, with_shadow)
         warn_of_mask(mask)
@@ -195,6 +192,7 @@ def plan_for(
         decisions, dilation = decisions | {"mask_growth": removal.growth._asdict()}, removal.mask
     measured = scene.unfilled
     decisions = decisions | describe_padding(measured.frames)
-    filler = filler_of_recipe(inpainter, recipe)
-    plan = Plan(recipe, filler, options.seed, measured, choice.name, decisions, again)
+    plan = Plan(
+        recipe, filler_of_recipe(choice.inpainter, recipe), options.seed, measured, choice.name, decisions, again
+    )
     return Start(plan, given, scene, dilation, about or describe_depth(given))

@@ -19,11 +19,10 @@ import numpy as np
 from dlama.arguments import check_arguments, check_word
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
-from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
+from dlama.completion.options import OptionKeywords, Unpack, options_of, take_options
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import Clock, warn_of_disparity, warn_of_scale
 from dlama.completion.start import (
-    FillerChoice,
     Plan,
     choose_filler,
     filler_of_recipe,
@@ -59,7 +58,6 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters import find_filler
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo.matching import Matcher
@@ -116,7 +114,11 @@ def stereo(
     given = options_of(options)
     chosen = given.settings
     check_memory((rig.left, rig.right))
-    choice, filler = filler_of_pair(given)
+    choice = choose_filler(False, given.filler, given.model)
+    if isinstance(choice.inpainter, PairFiller) and chosen.depth_by != "surfaces":
+        raise InputError(
+            f"`depth_by` is {chosen.depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected"
+        )
     complete_pair = choose_steps(chosen, right_view, mask is not None, disparity is not None)
     clock = Clock()
     with clock("match"):
@@ -131,20 +133,8 @@ def stereo(
         warn_of_mask(masks[0])
         growth = mask_growth(start, chosen.dilate)
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
-    draft = Plan(chosen, filler, given.seed, start, choice.name, decisions)
+    draft = Plan(chosen, choice.inpainter, given.seed, start, choice.name, decisions)
     return complete_pair(pair, draft, clock).with_min_confidence(given.min_confidence)
-
-
-def filler_of_pair(options: Options) -> tuple[FillerChoice, Inpainter]:
-    """The filler for measured depth, which matched depth is, and why that one. InputError: one that cannot be, or fills no
-    depth."""
-    choice = choose_filler(False, options.filler, options.model)
-    filler, depth_by = find_filler(choice.filler, options.model), options.settings.depth_by
-    if isinstance(filler, PairFiller) and depth_by != "surfaces":
-        raise InputError(
-            f"`depth_by` is {depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected"
-        )
-    return choice, filler
 
 
 def choose_steps(
