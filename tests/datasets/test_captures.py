@@ -38,10 +38,6 @@ def confidence(high: int) -> np.ndarray:
     return levels
 
 
-def quaternion(pose: np.ndarray) -> list[float]:
-    return [float(value) for value in quaternion_from_rotation(pose[:3, :3])]
-
-
 def write_video(path: Path, pictures: list[np.ndarray]) -> None:
     """Without loss, with time stamps at a varying rate, as phones write them."""
     av = pytest.importorskip("av", reason="PyAV is not installed (extra captures)")
@@ -62,7 +58,7 @@ def stray(root: Path, *, lens_in_rows: bool = True) -> Path:
     lines = [", ".join([*head, "fx", "fy", "cx", "cy"] if lens_in_rows else head)]
     for number, frame in enumerate(truth()):
         pose = frame.camera.world_from_cam
-        values = [0.1 * number, f"{number:06d}", *pose[:3, 3], *quaternion(pose)]
+        values = [0.1 * number, f"{number:06d}", *pose[:3, 3], *quaternion_from_rotation(pose[:3, :3])]
         lines.append(", ".join(map(str, [*values, *lens(LENS)] if lens_in_rows else values)))
         write_codes16(root / "depth" / f"{number:06d}.png", frame.depth)
         write_picture(root / "confidence" / f"{number:06d}.png", confidence(2))
@@ -97,7 +93,7 @@ def record3d(path: Path, *, per_frame: bool = True) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     poses = [frame.camera.world_from_cam @ GL_FROM_CV for frame in truth()]
     meta = {"w": 96, "h": 72, "dw": 96, "dh": 72, "fps": 60, "K": LENS.K.T.ravel().tolist()}
-    meta["poses"] = [[*quaternion(pose), *pose[:3, 3].tolist()] for pose in poses]
+    meta["poses"] = [[*quaternion_from_rotation(pose[:3, :3]), *pose[:3, 3]] for pose in poses]
     if per_frame:
         meta["perFrameIntrinsicCoeffs"] = [lens(LENS) for _ in poses]
         meta["K"] = (2 * LENS.K).T.ravel().tolist()

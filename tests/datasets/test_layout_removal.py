@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from dlama.completion.verbs import view
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import DlamaError, FileError, MaskError, ShapeError
+from dlama.files.rasters.masks import write_mask
 from posed_folders import LENS, opencv_K, truth, write_codes16, write_picture
 from whole_picture import check_same
 
@@ -47,14 +47,10 @@ def written(root: Path, **changes: Any) -> Path:
     for name, metres in (("with", depth), ("without", frame.depth)):
         write_picture(root / f"{name}.color.png", np.where(mask[..., None] & (name == "with"), 7, frame.color))
         write_codes16(root / f"{name}.depth.png", metres, 5000)
-    save_mask(root / "object_mask.png", mask)
+    write_mask(root / "object_mask.png", mask)
     camera = {"width": 96, "height": 72, "K": opencv_K(LENS).tolist(), "depth_scale": 0.0002, **changes}
     (root / "camera.json").write_text(json.dumps(camera))
     return root
-
-
-def save_mask(path: Path, mask: np.ndarray) -> None:
-    Image.fromarray(mask.astype(np.uint8) * np.uint8(255)).save(path)
 
 
 def test_a_made_folder_there_and_back(tmp_path: Path) -> None:
@@ -74,8 +70,8 @@ def test_shadow_and_region_and_exposure(tmp_path: Path) -> None:
     root = written(tmp_path / "one", exposure_varies=True)
     shadow = np.zeros((72, 96), bool)
     shadow[30:50, 40:60] = True
-    save_mask(root / "shadow_mask.png", shadow)
-    save_mask(root / "compare_region.png", ~shadow)
+    write_mask(root / "shadow_mask.png", shadow)
+    write_mask(root / "compare_region.png", ~shadow)
     written(tmp_path / "two")
     dataset = open_dataset(tmp_path)
     assert [case.scene for case in dataset.cases] == ["one", "two"] and len(dataset.frames) == 4
@@ -99,10 +95,10 @@ def test_bad_descriptions(tmp_path: Path, changes: dict[str, Any], message: str)
 
 def test_bad_masks_and_missing_files(tmp_path: Path) -> None:
     root = written(tmp_path)
-    save_mask(root / "object_mask.png", np.eye(72, dtype=bool))
+    write_mask(root / "object_mask.png", np.eye(72, dtype=bool))
     with pytest.raises(ShapeError, match=r"object_mask\.png: is 72x72 and the picture 96x72"):
         open_dataset(root).cases[0].load()
-    save_mask(root / "object_mask.png", np.zeros((72, 96), bool))
+    write_mask(root / "object_mask.png", np.zeros((72, 96), bool))
     with pytest.raises(MaskError, match=r"object_mask\.png: the mask is empty"):
         open_dataset(root).cases[0].load()
     (root / "without.depth.png").unlink()

@@ -17,7 +17,7 @@ from dlama.completion.steps import CompletedView, complete_frame, complete_view,
 from dlama.datasets.posed.nerfstudio import FOLDERS, MASKS, write_transforms, write_view
 from dlama.datasets.sequences.loading import LoadedScene
 from dlama.datasets.sequences.results import check_results, write_whole
-from dlama.datasets.sequences.state import SequenceState, Step, StepChange
+from dlama.datasets.sequences.state import SequenceState, Step
 from dlama.errors import OutputError, format_count, system_errors, warn
 from dlama.files.results.meta_json import write_json
 from dlama.geometry.camera import Camera
@@ -193,20 +193,23 @@ def complete_steps(
         (target / folder).mkdir(exist_ok=True)
     done = StepResults(scene)
     for number, step in enumerate(steps):
-        added = state.of(number, step.camera) if resumed else None
-        earlier = added is not None
-        if added is None:
+        earlier = state.read(number, step, done.scene) if resumed else None
+        if earlier is not None:
+            shares, done.scene = earlier
+            done.reused += 1
+        else:
             found, larger = complete_step(plan, done.scene, step)
             shown = above_confidence(found.view, min_confidence)
             clipped = write_view(target, step.name, shown, masked) if step.shown else 0
             shares = shares_of(shown) | shadow_of(found) | {CLIPPED: clipped}
-            added = state.keep(number, step.camera, StepChange.by(step, shares, done.scene, larger))
-        done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
-        done.shadow = done.shadow or describe_shadow(*(int(added.shares[name]) for name in SHADOW))
+            done.scene = state.keep(number, step, shares, done.scene, larger)
+        done.shadow = done.shadow or describe_shadow(*(int(shares[name]) for name in SHADOW))
         if step.shown:
-            done.views[step.name] = added.shares
+            done.views[step.name] = shares
         if progress is not None:
-            progress(number + 1, len(steps), step.name if step.shown else f"{step.name} (on the way)", earlier)
+            progress(
+                number + 1, len(steps), step.name if step.shown else f"{step.name} (on the way)", earlier is not None
+            )
     done.scene = scene_above(done.scene, min_confidence)
     return done
 

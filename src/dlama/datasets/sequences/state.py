@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,32 +40,6 @@ class Step(NamedTuple):
     """Whether it is asked for; a frame may be filled on the way to other cameras."""
 
 
-@dataclass(frozen=True, eq=False)
-class StepChange:
-    """What a step found."""
-
-    shares: dict[str, float]
-    """Of its completed view, for meta.json."""
-    fills: tuple[Layer, ...]
-    """What was filled for it."""
-    frame: Layer | None
-    """The frame itself with depth wherever it has a colour, where it is one that had none somewhere."""
-
-    @classmethod
-    def by(cls, step: Step, shares: dict[str, float], before: Scene, after: Scene) -> StepChange:
-        """What the step whose view has these shares changed."""
-        changed = step.place is not None and after.frames[step.place] is not before.frames[step.place]
-        frame = after.frames[step.place] if step.place is not None and changed else None
-        return cls(shares, after.fills[len(before.fills) :], frame)
-
-    def to(self, scene: Scene, step: Step) -> Scene:
-        """The scene with it."""
-        frames = list(scene.frames)
-        if step.place is not None and self.frame is not None:
-            frames[step.place] = self.frame
-        return replace(scene, frames=tuple(frames), fills=(*scene.fills, *self.fills))
-
-
 class SequenceState:
     """What an earlier run with the same inputs and settings has done, in the folder of its output."""
 
@@ -86,38 +60,38 @@ class SequenceState:
             same = False
         if not same:
             shutil.rmtree(self.folder, ignore_errors=True)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        if not same:
+            self.folder.mkdir(parents=True, exist_ok=True)
             write_file(self._settings, json.dumps({"mark": self.mark}))
         return same
 
-    def of(self, number: int, camera: Camera) -> StepChange | None:
-        """What the step of that number and camera added, if it is done; files that were cut off count as not done."""
-        file, about = self._file(number), self._file(number).with_suffix(".json")
+    def read(self, number: int, step: Step, scene: Scene) -> tuple[dict[str, float], Scene] | None:
+        """The shares of the view of a step, and the scene with what was filled for it, if it is done; files that were cut off
+        count as not done."""
+        file = self._file(number)
         try:
-            shares = json.loads(about.read_text("utf-8"))
-            _, scene = read_npz(file, self.cache)
+            shares = json.loads(file.with_suffix(".json").read_text("utf-8"))
+            _, found = read_npz(file, self.cache)
         except (OSError, ValueError, FileError):
             return None
-        fills = tuple(BoxedView(camera, fill) for fill in scene.fills)
-        return StepChange(shares, fills, scene.frames[0] if scene.frames[0].camera.hw == camera.hw else None)
+        frame, fills = found.frames[0], found.fills
+        return shares, extend(scene, step, frame if frame.camera.hw == step.camera.hw else None, fills)
 
-    def keep(self, number: int, camera: Camera, added: StepChange) -> StepChange:
-        """The step of that number and camera is done; the same, whose layers are read from the file when they are needed. Raises
-        OutputError."""
-        nothing = View.from_rgbd(
-            RGBD(np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), np.float32), camera.cropped(0, 0, 1, 1))
-        )
-        layers = tuple(one.load_part() for one in (added.frame or nothing, *added.fills))
+    def keep(self, number: int, step: Step, shares: Mapping[str, float], before: Scene, after: Scene) -> Scene:
+        """A step is done, whose view has these shares; `after`, of which what was filled for it is read from the file when it is
+        needed. Raises OutputError."""
+        pixel = RGBD(np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), np.float32), step.camera.cropped(0, 0, 1, 1))
+        nothing = View.from_rgbd(pixel)
+        changed = step.place is not None and after.frames[step.place] is not before.frames[step.place]
+        frame = after.frames[step.place] if step.place is not None and changed else nothing
+        layers = tuple(one.load_part() for one in (frame, *after.fills[len(before.fills) :]))
         file = self._file(number)
         write_npz(file, nothing, Scene(layers[:1], fills=layers[1:]))
-        write_file(file.with_suffix(".json"), json.dumps(added.shares))
-        kept, *parts = (
+        write_file(file.with_suffix(".json"), json.dumps(shares))
+        kept, *fills = (
             StoredView(layer.camera, partial(read_layer, file, f"layer{place}_"), self.cache, layer)
             for place, layer in enumerate(layers)
         )
-        fills = tuple(BoxedView(camera, part) for part in parts)
-        return StepChange(added.shares, fills, None if added.frame is None else kept)
+        return extend(before, step, kept if changed else None, fills)
 
     def end(self) -> None:
         """All is done: nothing is left of this."""
@@ -125,6 +99,16 @@ class SequenceState:
 
     def _file(self, number: int) -> Path:
         return self.folder / f"step-{number:06d}.npz"
+
+
+def extend(scene: Scene, step: Step, frame: Layer | None, fills: Iterable[Layer]) -> Scene:
+    """The scene with the parts of a step's view that were filled; and with `frame` in place of the step's: the frame with depth
+    wherever it has a colour, where it is one that had none somewhere."""
+    frames = list(scene.frames)
+    if step.place is not None and frame is not None:
+        frames[step.place] = frame
+    boxed = (BoxedView(step.camera, fill) for fill in fills)
+    return replace(scene, frames=tuple(frames), fills=(*scene.fills, *boxed))
 
 
 def fingerprint(settings: Mapping[str, Any], scene: Scene, masks: Mapping[int, BoolArray], version: str) -> str:
