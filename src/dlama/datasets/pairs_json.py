@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dlama.datasets.frames import Case, Dataset
-from dlama.datasets.posed.lenses import Lens, json_lens, units_per_metre
+from dlama.datasets.posed.lenses import json_lens, units_per_metre
 from dlama.datasets.posed.posed_frames import PosedFrame, files_of, posed_frame
 from dlama.datasets.posed.view_pairs import pair_case
 from dlama.datasets.text_tables import holds, pose_at, scene_folders
@@ -40,14 +40,13 @@ def pairs_json(root: Path) -> Dataset:
 def _frames(scene: str, folder: Path, fields: FileFields) -> dict[str, PosedFrame]:
     lens, units = json_lens(fields), units_per_metre(fields, "depth_scale", 0.001)
     listed = fields.part("frames", fields.values.get("frames"))
-    parts = {name: fields.part(f"frames.{name}", each) for name, each in listed.values.items()}
-    return {name: _frame(folder, scene, name, part, lens, units) for name, part in parts.items()}
-
-
-def _frame(root: Path, scene: str, name: str, fields: FileFields, lens: Lens, units: float) -> PosedFrame:
-    pose = pose_at(str(fields.path), fields.matrix("world_from_cam", (4, 4)))
-    color, depth = (root / fields.text(each) for each in ("color", "depth"))
-    return posed_frame(scene, name, files_of(color, depth, lens, pose, units))
+    frames = {}
+    for name, values in listed.values.items():
+        part = fields.part(f"frames.{name}", values)
+        pose = pose_at(str(part.path), part.matrix("world_from_cam", (4, 4)))
+        color, depth = (folder / part.text(each) for each in ("color", "depth"))
+        frames[name] = posed_frame(scene, name, files_of(color, depth, lens, pose, units))
+    return frames
 
 
 def _case(dataset: str, fields: FileFields, number: int, pair: object, frames: dict[str, PosedFrame]) -> Case:

@@ -135,11 +135,6 @@ class World:
         return Raycast(color, depth, groups[keys >> 4], lights)
 
 
-def classes_of(group: Int32Array, object_index: int = OBJECT_GROUP) -> UInt8Array:
-    """Group numbers (H x W) as classes: 0 background, 1 object, 2 sky."""
-    return np.where(group < 0, 2, group == object_index).astype(np.uint8)
-
-
 def yaw_order(yaws: tuple[float, ...]) -> tuple[float, ...]:
     """0, +10, -10, +20, -20 ...: the order of an orbit's frames."""
     return (0.0, *itertools.chain.from_iterable((float(yaw), -float(yaw)) for yaw in yaws))

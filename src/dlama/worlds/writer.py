@@ -8,13 +8,15 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
+
 from dlama import __version__
 from dlama.completion.memory import check_memory
 from dlama.datasets.easysynth.writer import LEFT, RIGHT, SequenceFrame, write_scene
 from dlama.errors import OutputError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.worlds.dataset import YAWS, WorldSettings, world_settings
-from dlama.worlds.world import SIZE, Kind, World, classes_of, yaw_order
+from dlama.worlds.world import SIZE, Kind, World, yaw_order
 
 FRAMES = 30
 """Frames of a scene: thirteen poses and a stereo pair, with and without the object."""
@@ -82,7 +84,10 @@ def _sequences(
     def frame(camera: Camera, object: bool) -> SequenceFrame:
         seen = world.raycast(camera, object=object)
         step()
-        return SequenceFrame(seen.frame(camera), classes_of(seen.group, world.object_index))
+        classes = np.where(seen.group < 0, 2, seen.group == world.object_index).astype(
+            np.uint8
+        )  # by their place in CLASSES
+        return SequenceFrame(seen.frame(camera), classes)
 
     def orbit(object: bool) -> Iterator[SequenceFrame]:
         return (frame(world.camera(yaw, size), object) for yaw in yaw_order(YAWS))

@@ -36,10 +36,6 @@ class MaterialKind(NamedTuple):
     """Width of that photo on the surface; a photo that fills a face goes by `mode`."""
 
 
-def _plain_texture(rng: Generator) -> UInt8Array:
-    return textures.rough_surface(rng, (225, 225, 225), 0.1, 0.06)
-
-
 def _plaster(rng: Generator) -> UInt8Array:
     base = textures.color(rng, (0.0, 0.17), (0.02, 0.4), (0.65, 0.92))
     return textures.rough_surface(rng, base, float(rng.uniform(0.04, 0.16)), float(rng.uniform(0.02, 0.12)))
@@ -52,7 +48,7 @@ def _concrete(rng: Generator) -> UInt8Array:
 
 
 MATERIAL_KINDS: dict[str, MaterialKind] = {
-    "plain": MaterialKind(_plain_texture, 1, 1.5),
+    "plain": MaterialKind(lambda rng: textures.rough_surface(rng, (225, 225, 225), 0.1, 0.06), 1, 1.5),
     "bricks": MaterialKind(textures.bricks, 2, 2.0, stain=0.3, photo=0.7, metres=(2.5, 5)),
     "stones": MaterialKind(textures.stones, 1, 2.4, stain=0.3, photo=0.7, metres=(2.5, 5)),
     "plaster": MaterialKind(_plaster, 2, 2.2, stain=0.12, photo=0.7, metres=(2.5, 5)),
@@ -109,17 +105,12 @@ class Palette:
     def _bake(self, kind: MaterialKind) -> Material:
         rng = self._rng
         if len(self._photos) and rng.random() < kind.photo:
-            layer = self._builder.layer(panels.photo(read_photo(self._photos[int(rng.integers(len(self._photos)))])))
+            photo = self._photos[int(rng.integers(len(self._photos)))]
+            picture = read_color(photo) if isinstance(photo, Path) else check_color(photo, "a texture")
+            layer = self._builder.layer(panels.photo(picture))
             if kind.mode == FIT:
                 return Material(layer, mode=FIT)
             metres = float(rng.uniform(*kind.metres))
             return Material(layer, (metres, metres), MIRROR)
         layer = self._builder.layer(kind.draw(rng))
         return Material(layer, (kind.tile, kind.tile), kind.mode, stain=kind.stain, cut=kind.cut)
-
-
-def read_photo(photo: Photo) -> UInt8Array:
-    """The picture; raises FileError where the file is none, ShapeError where the array is none."""
-    if isinstance(photo, Path):
-        return read_color(photo)
-    return check_color(photo, "a texture")
