@@ -114,9 +114,11 @@ def _frames(scene: str, sequence: RenderedSequence) -> Iterator[PosedFrame]:
 
 def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Iterator[_Case]:
     """Of one scene. A sequence that is the truth of another one has no cases of its own."""
-    truth_of = _truths(sequences)
+    named = {sequence.folder.name: sequence for sequence in sequences}
+    pairs = ("with", "without"), ("stereo_with", "stereo_without")
+    truth_of = {shown: named[hidden] for shown, hidden in pairs if {shown, hidden} <= named.keys()}
     for sequence in sequences:
-        if any(sequence is truth for truth in truth_of.values()):
+        if sequence in truth_of.values():
             continue
         without, color = truth_of.get(sequence.folder.name), None
         if without is not None:
@@ -128,13 +130,6 @@ def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Ite
         yield from _vpi(sequence, without, color)
         if without is not None and color is not None:
             yield from _ori(sequence, without, color)
-
-
-def _truths(sequences: list[RenderedSequence]) -> dict[str, RenderedSequence]:
-    """Name of a sequence with the object -> the one without it."""
-    named = {sequence.folder.name: sequence for sequence in sequences}
-    pairs = ("with", "without"), ("stereo_with", "stereo_without")
-    return {shown: named[hidden] for shown, hidden in pairs if {shown, hidden} <= set(named)}
 
 
 def _vpi(sequence: RenderedSequence, without: RenderedSequence | None, color: RGB | None) -> Iterator[_Case]:

@@ -70,15 +70,18 @@ def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     listed = []
     for prefix, path in listings_of(folder).items():
-        entries = list_entries(path)
-        colors = [picture_at(folder, frame.text("file_path")) for _, frame in entries]
-        listed += [(prefix + name, color, *each) for name, color, each in zip(names_of(colors), colors, entries)]
-    if all("depth_file_path" not in frame for *_, frame in listed):
+        fields = read_json_fields(path)
+        entries = enumerate(fields.entries("frames", "frames"))
+        frames = [fields.part(f"frames[{number}]", each) for number, each in entries]
+        colors = [picture_at(folder, frame.text("file_path")) for frame in frames]
+        names = [prefix + name for name in names_of(colors)]
+        listed += [(*each, fields) for each in zip(names, colors, frames)]
+    if all("depth_file_path" not in frame for _, _, frame, _ in listed):
         raise FileError(
             f"{folder}: none of its {len(listed)} frames has a depth_file_path; name the depth of each frame so (16-bit PNG in "
             "millimetres, EXR in metres). Of single photos `dlama depth` estimates it"
         )
-    for name, color, fields, frame in listed:
+    for name, color, frame, fields in listed:
         if "depth_file_path" not in frame:
             yield "", "without a depth_file_path"
             continue
@@ -99,13 +102,6 @@ def names_of(pictures: Sequence[Path]) -> list[str]:
     below = {path: path.relative_to(shared).with_suffix("").as_posix().replace("/", "_") for path in whole}
     several = len({path.stem for path in below}) < len(below)
     return [below[path] if several else path.stem for path in whole]
-
-
-def list_entries(path: Path) -> list[tuple[FileFields, FileFields]]:
-    """The fields of a listing, with those of each of its frames. Raises FileError."""
-    fields = read_json_fields(path)
-    entries = enumerate(fields.entries("frames", "frames"))
-    return [(fields, fields.part(f"frames[{number}]", each)) for number, each in entries]
 
 
 def picture_at(folder: Path, name: str) -> Path:

@@ -232,7 +232,10 @@ def open_frames(
     root = Path(path)
     name = layout_of(root, layout)
     if name == "easysynth":
-        _check_one_sequence(root)
+        sequences = [folder for _, folders in sequence_folders(root) for folder in folders]
+        if len(sequences) > 1:
+            names = ", ".join(str(folder.relative_to(root)) for folder in sequences[:6])
+            raise InputError(f"{root}: holds {len(sequences)} sequences ({names}); give the folder of one")
     found = list_dataset(root, name, {"camera": camera, "limit": 0, **reading})
     if not found.frames:
         raise InputError(f"{root}: a data set of layout {name} has no posed frames of one scene")
@@ -241,13 +244,6 @@ def open_frames(
     if len(scenes) > 1:
         raise InputError(f"{root}: holds {len(scenes)} scenes ({', '.join(scenes[:8])}); say which by `scene=NAME`")
     return frames
-
-
-def _check_one_sequence(root: Path) -> None:
-    found = [folder for _, folders in sequence_folders(root) for folder in folders]
-    if len(found) > 1:
-        names = ", ".join(str(folder.relative_to(root)) for folder in found[:6])
-        raise InputError(f"{root}: holds {len(found)} sequences ({names}); give the folder of one")
 
 
 def slice_frames(frames: Sequence[T], which: str | None) -> tuple[T, ...]:

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
-from dlama.completion.options import OptionKeywords, Options, Unpack, options_of, take_options
+from dlama.completion.options import OptionKeywords, Unpack, options_of, take_options
 from dlama.completion.report import warn_of_scale
-from dlama.completion.start import Plan, plan_for
+from dlama.completion.start import plan_for
 from dlama.datasets.posed.lenses import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
 from dlama.datasets.sequences.completion import SequenceCompletion
@@ -19,7 +19,6 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
-from dlama.geometry.scene import Scene
 from dlama.progress import Progress, take_progress
 from dlama.writing.atomic_write import PathLike
 
@@ -75,28 +74,20 @@ def sequence(
     reading |= {"depth_range": depth_range, "depth_scale": depth_scale, "max_depth": max_depth}
     loaded = read_scene_of(dataset, frames, clip=method.settings.clip, keep_poses=keep_poses, **reading)
     cameras = cameras_for(views, loaded.scene)
-    check_first_frame(loaded.scene)
+    first = loaded.scene.frames[0]
+    check_memory([first.camera] * (2 * MOST_FRAMES))
+    if (depth := first.load().depth).any():
+        warn_of_scale(depth)
     numbered = masks_of_frames(masks or {}, loaded, frames)
     if with_shadow and not numbered:
         raise InputError("`with_shadow` is for a removed object; give its `masks`")
     plan, _, start, *_ = plan_for(loaded.scene, method, numbered or None, with_shadow=with_shadow)
-    settings = settings_of(plan, method) | {"with_shadow": with_shadow}
-    return SequenceCompletion(str(dataset), loaded, plan, start, cameras, numbered, settings)
-
-
-def check_first_frame(scene: Scene) -> None:
-    """InputError where frames of its size are too large for the memory; warns of depth that can hardly be metres."""
-    check_memory([scene.frames[0].camera] * (2 * MOST_FRAMES))
-    if (depth := scene.frames[0].load().depth).any():
-        warn_of_scale(depth)
-
-
-def settings_of(plan: Plan, options: Options) -> dict[str, Any]:
-    """What views are completed by, for meta.json and for a run that resumes."""
-    return {
+    settings = {
         "filler": plan.filler,
-        "model": None if options.model is None else str(options.model),
+        "model": None if method.model is None else str(method.model),
         "recipe": dataclasses.asdict(plan.recipe),
-        "seed": options.seed,
-        "min_confidence": options.min_confidence,
+        "seed": method.seed,
+        "min_confidence": method.min_confidence,
+        "with_shadow": with_shadow,
     }
+    return SequenceCompletion(str(dataset), loaded, plan, start, cameras, numbered, settings)
