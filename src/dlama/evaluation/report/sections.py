@@ -53,15 +53,10 @@ class Section:
     tables: tuple[Table, ...] = ()
 
 
-def protocols_of(summary: Summary) -> list[str]:
-    """The protocols that ran, in the report's order."""
-    return sorted(summary.values("protocol"), key=list(PROTOCOLS).index)
-
-
 def sections(summary: Summary, rows: Sequence[Row], timings: Sequence[Row], seed: int = 0) -> list[Section]:
     """Everything the report shows but the panels, in order; paired intervals are drawn with the seed."""
     found: list[Section] = []
-    for place in summary.places(protocols_of(summary)):
+    for place in summary.places():
         found += _Part(place, rows, seed).sections()
     clock = runtimes(timings, list(dict.fromkeys(row.method for row in timings)))
     if clock:

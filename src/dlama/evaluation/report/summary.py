@@ -71,9 +71,9 @@ class Summary:
         found = list(dict.fromkeys(getattr(key, field_name) for key in self.of(**chosen)))
         return sorted(found, key=yaw_order) if field_name == "yaw" else found
 
-    def places(self, protocols: Iterable[str] | None = None) -> Iterator[Place]:
-        """Each data set of each protocol, in order of appearance or in that of `protocols`."""
-        for protocol in self.values("protocol") if protocols is None else protocols:
+    def places(self) -> Iterator[Place]:
+        """Each data set of each protocol, in order of appearance."""
+        for protocol in self.values("protocol"):
             for dataset in self.values("dataset", protocol=protocol):
                 yield Place(self, protocol, dataset)
 

@@ -16,7 +16,7 @@ from dlama.evaluation.protocols.methods import NO_FILL, ProtocolSettings
 from dlama.evaluation.protocols.strips import COLOR_FULL, COLUMNS, DEPTH_FULL
 from dlama.evaluation.report.columns import column_title, format_value, list_columns
 from dlama.evaluation.report.panels import Chosen, as_data_urls, choose
-from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
+from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, sections
 from dlama.evaluation.report.summary import ALL, RESAMPLES, Place, Summary, summarise, write_summary
 from dlama.evaluation.report.tables import variant_of
 from dlama.evaluation.report.templates import template
@@ -82,7 +82,7 @@ def render(
     """
     shown = {
         "about": summary.about,
-        "explained": {PROTOCOLS[name]: EXPLAINED[name] for name in protocols_of(summary)},
+        "explained": {PROTOCOLS[name]: EXPLAINED[name] for name in summary.values("protocol")},
         "sections": sections,
         "panels": panels,
         "choices": {name: list(dict.fromkeys(getattr(one, name) for one, _ in panels)) for name in CHOICES},
