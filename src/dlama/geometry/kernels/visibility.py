@@ -105,7 +105,9 @@ def crossing(a: Real, b: Real, offset_a: Real, offset_b: Real, border: Real) -> 
 
 
 @piece
-def next_crossing(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, x: Real, y: Real) -> Real:
+def next_crossing(
+    ax: Real, ay: Real, az: Real, offset: Float64Array | tuple[Real, Real, Real], depth: Real, x: Real, y: Real
+) -> Real:
     """The depth > `depth` at which the ray enters another source pixel; inf if it stays in this one for ever."""
     nearest = np.inf
     for border in (np.floor(x), np.floor(x) + 1):

@@ -10,7 +10,7 @@ import numpy as np
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
-from dlama.geometry.kernels.visibility import ray, tolerance
+from dlama.geometry.kernels.visibility import next_crossing, ray, tolerance
 from dlama.geometry.projection import PixelMap
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
@@ -29,29 +29,6 @@ def clip(low: Real, high: Real, a: Real, b: Real) -> tuple[Real, Real]:
 
 
 @piece
-def border_at(a: Real, b: Real, offset_a: Real, offset_b: Real, border: Real) -> Real:
-    """The w at which (a + w offset_a) / (b + w offset_b) equals `border`; inf if never."""
-    slope = offset_a - border * offset_b
-    if slope == 0:
-        return np.inf
-    return (border * b - a) / slope
-
-
-@piece
-def leaves_at(ax: Real, ay: Real, az: Real, offset: Float64Array, w: Real, column: Whole, row: Whole) -> Real:
-    """The w' > w at which the ray leaves a source pixel; inf if never."""
-    nearest = np.inf
-    for k in range(2):
-        across = border_at(ax, az, offset[0], offset[2], column + k)
-        down = border_at(ay, az, offset[1], offset[2], row + k)
-        if across > w:
-            nearest = min(nearest, across)
-        if down > w:
-            nearest = min(nearest, down)
-    return nearest
-
-
-@piece
 def limit_on_ray(ax: Real, ay: Real, az: Real, offset: Float64Array, w: Real, measured: Float32Array) -> Real:
     """The first inverse depth >= w that breaks the law; inf if none does."""
     rows, columns = measured.shape
@@ -60,7 +37,7 @@ def limit_on_ray(ax: Real, ay: Real, az: Real, offset: Float64Array, w: Real, me
     low, high = clip(low, high, ay, offset[1])
     low, high = clip(low, high, columns * az - ax, columns * offset[2] - offset[0])
     low, high = clip(low, high, rows * az - ay, rows * offset[2] - offset[1])
-    w = low
+    w, along = low, (ax, ay, az)  # a walk along w is one along depth with the ray and its offset exchanged
     for _ in range(4 * (rows + columns)):
         if not w < high:
             return np.inf
@@ -70,7 +47,7 @@ def limit_on_ray(ax: Real, ay: Real, az: Real, offset: Float64Array, w: Real, me
             return np.inf
         column = min(max(int((ax + inside * offset[0]) / h), 0), columns - 1)
         row = min(max(int((ay + inside * offset[1]) / h), 0), rows - 1)
-        border = leaves_at(ax, ay, az, offset, inside, column, row)
+        border = next_crossing(offset[0], offset[1], offset[2], along, inside, column, row)
         depth = measured[row, column]
         if depth == np.inf:
             return w
