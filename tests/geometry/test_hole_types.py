@@ -80,16 +80,6 @@ def test_hidden_and_outside(name: str, mode: Mode, target: Camera) -> None:
     np.testing.assert_array_equal(view.hole_type[outside], HoleType.OUT_OF_VIEW)
 
 
-def test_cracks_are_the_gaps_between_points() -> None:
-    """Closed form: at half the distance every second row and column of a wall's points is missing: 3 of 4 are CRACKs."""
-    world = World((WALL,))
-    nearer = moved(SOURCE, shift=(0, 0, 3))
-    view = render(world.rgbd(SOURCE), nearer, "points")
-    assert has(view, HoleType.CRACK).mean() == pytest.approx(0.75, abs=0.01)
-    assert has(view, HoleType.CRACK).sum() == view.hole.sum()
-    assert not render(world.rgbd(SOURCE), nearer).hole.any()
-
-
 @targets
 @modes
 def test_sensor_holes_move_with_the_wall(mode: Mode, target: Camera) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.motion.trajectories import orbit
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of, shape_shown
 
 SOURCE = Camera.from_fov(160, 120, 60, [[0, 0, 1, 3], [1, 0, 0, -2], [0, 1, 0, 5], [0, 0, 0, 1]])
@@ -74,23 +75,18 @@ def test_planes_are_exact(name: str, target: Camera) -> None:
     np.testing.assert_allclose(view.depth[inside], true[inside], rtol=1e-4)
 
 
-@pytest.mark.parametrize("distance", [0.02, 0.1, 0.5, 1, 3, 5.9, 12, 60])
-def test_no_crack_at_any_distance(distance: float) -> None:
-    """Law: a wall seen from anywhere is closed, from 0.3 % of the distance it was taken from up to ten times as far."""
+DISTANCES = [(HOME, moved(HOME, (3, -4, 10), (0.01, 0.01, 6 - far))) for far in (0.02, 0.1, 0.5, 1, 3, 5.9, 12, 60)]
+ANGLES = [
+    tuple(orbit(HOME, angle, pivot=6) for angle in angles)
+    for angles in itertools.product((0, 40, 70, 80), (-80, -60, 30, 75, 80))
+]
+
+
+@pytest.mark.parametrize(("source", "target"), [*DISTANCES, *ANGLES])
+def test_no_crack_at_any_distance_and_angle(source: Camera, target: Camera) -> None:
+    """Law: a wall is closed and true, from 0.3 % of the distance it was taken from up to ten times as far; taken at up to 80
+    degrees from its normal, and seen at up to 80."""
     world = PLANES["wall"]
-    target = moved(HOME, (3, -4, 10), (0.01, 0.01, 6 - distance))
-    view = render(world.rgbd(HOME), target)
-    inside = within_mesh(world, HOME, target)
-    assert inside.sum() > 50
-    assert not view.hole[inside].any()
-
-
-@pytest.mark.parametrize("source_angle", [0, 40, 70, 80])
-@pytest.mark.parametrize("target_angle", [-80, -60, 30, 75, 80])
-def test_no_crack_at_any_angle(source_angle: float, target_angle: float) -> None:
-    """Law: a wall taken at up to 80 degrees from its normal, and seen at up to 80, is closed and true."""
-    world = World((WALL,))
-    source, target = (orbit(HOME, angle, pivot=6) for angle in (source_angle, target_angle))
     view = render(world.rgbd(source), target)
     inside = within_mesh(world, source, target)
     assert inside.sum() > 50
@@ -147,17 +143,6 @@ def test_every_pixel_of_a_pole_keeps_its_footprint(target: Camera) -> None:
     if target in (TARGETS["yaw 15"], TARGETS["back"]):
         width = shown[rows.min() : rows.max() + 1].sum(1)
         assert len(width) > 50 and width.min() >= 1 and width.max() <= 2
-
-
-def test_the_sky_turns_with_the_camera_and_does_not_shift() -> None:
-    """Closed form: 100 m aside the sky is the same picture; rolled by 180 degrees it is upside down; no pixel is a hole."""
-    rng = np.random.default_rng(0)
-    color = rng.integers(0, 256, (*SOURCE.hw, 3), np.uint8)
-    sky = RGBD(color, np.full(SOURCE.hw, np.inf, np.float32), SOURCE)
-    aside, rolled = render(sky, moved(SOURCE, shift=(100, -30, 55))), render(sky, moved(SOURCE, (0, 0, 180)))
-    for view, expected in ((aside, color), (rolled, color[::-1, ::-1])):
-        assert view.far.all() and not view.hole.any()
-        np.testing.assert_array_equal(view.color, expected)
 
 
 def test_a_surface_seen_from_behind_leaves_no_outline() -> None:

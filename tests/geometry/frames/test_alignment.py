@@ -1,4 +1,4 @@
-"""Alignment of posed frames (oracles: the exact poses of a generated world; the identity where poses fit; a dense solver)."""
+"""Alignment of posed frames (oracles: the exact poses of a generated world; the identity where poses fit)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.frames.alignment import Features, align_frames, detect_features, estimate_poses, match_all
-from dlama.geometry.frames.pose_system import _solve, measure_offset
+from dlama.geometry.frames.pose_system import measure_offset
 from dlama.geometry.rgbd import RGBD
 from dlama.worlds.dataset import world
 from worlds import drift
@@ -93,20 +93,3 @@ def test_frames_without_features_stay(exact: list[RGBD]) -> None:
     """Grey pictures say nothing about poses."""
     grey = [dataclasses.replace(frame, color=np.full_like(frame.color, 128)) for frame in exact[:2]]
     assert all(one is other for one, other in zip(align_frames(grey), grey))
-
-
-def test_solver_against_a_dense_one() -> None:
-    """Conjugate gradients give what numpy's solver gives."""
-    rng = np.random.default_rng(0)
-    one, other = np.array([0, 0, 1, 2]), np.array([1, 2, 2, 3])
-    blocks = rng.normal(0, 1, (4, 6, 6))
-    diagonal = np.broadcast_to(40 * np.eye(6), (4, 6, 6)).copy()
-    right = rng.normal(0, 1, (4, 6))
-    dense = np.zeros((24, 24))
-    for place, block in enumerate(diagonal):
-        dense[6 * place : 6 * place + 6, 6 * place : 6 * place + 6] = block
-    for i, j, block in zip(one, other, blocks):
-        dense[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = block
-        dense[6 * j : 6 * j + 6, 6 * i : 6 * i + 6] = block.T
-    expected = np.linalg.solve(dense, right.ravel())
-    np.testing.assert_allclose(_solve(diagonal, blocks, one, other, right).ravel(), expected, atol=1e-4)
