@@ -56,6 +56,8 @@ TYPE_OF_RANK = np.pad(np.array(hole_kernels.RISING, np.uint8), (0, 256 - len(hol
 """Hole types by rank, for cv2.LUT."""
 SEVERAL = 3
 """Layers from which a scene is one that is drawn into many cameras: what drawing finds of a layer is kept."""
+Fill = tuple[Grid, Box, Float64Array]
+"""Prepared for a part of a camera's picture, rows and columns of that, and its gains (`fills_in_view`)."""
 MOST_AT_ONCE = 2
 """Fills that are drawn at once, each onto a canvas of its own: a canvas takes 21 bytes a pixel."""
 
@@ -134,11 +136,6 @@ def draw_scene(
     """A scene's layers, drawn. count: of the pixels of fills that count (`count_needed`); frames: whether they are drawn."""
     fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
     keep = mode == "surface" and len(scene.layers) >= SEVERAL
-    fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
-    if len(scene.frames) > 1:
-        fills = tuple(fill for fill in fills if may_show(fill, camera))
-    here, parts = scene.gain_of(camera), [find_part(fill, camera) for fill in fills]
-    gains = [scene.gain_of(fill.camera) / here for fill in fills]
 
     def prepare(layer: Layer, target: Camera) -> Grid:
         return Grid(surface_of(layer) if keep else Surface(layer.load()), target, mode, fine)
@@ -149,12 +146,13 @@ def draw_scene(
         drawn = merge_frames(scene, camera, mode, fine, errors)
     else:
         drawn = draw_frame(prepare(scene.frames[0], camera), errors)
-    grids = [prepare(layer, camera.cropped_to(*box)) for layer, box in parts]
-    put_fills(drawn, grids, [box for _, box in parts], gains, count)
+    seen = fills_in_view(scene, camera, mode)
+    fills = [(prepare(layer, camera.cropped_to(*box)), box, gain) for layer, box, gain in seen]
+    put_fills(drawn, fills, count)
     for grid in drawn.grids if drawn.frame is None else ():
         draw_far(grid, drawn.canvas)
-    draw_far_of_fills(drawn.canvas, grids, gains)
-    return drawn._replace(grids=[*drawn.grids, *grids])
+    draw_far_of_fills(drawn.canvas, fills)
+    return drawn._replace(grids=[*drawn.grids, *(grid for grid, _, _ in fills)])
 
 
 def draw_frame(grid: Grid, errors: bool) -> Drawn:
@@ -166,26 +164,33 @@ def draw_frame(grid: Grid, errors: bool) -> Drawn:
     return Drawn(canvas, [grid], own=grid.layer)
 
 
-def put_fills(
-    drawn: Drawn, fills: list[Grid], boxes: Sequence[Box], gains: Sequence[Float64Array], count: NDArray[np.int32]
-) -> None:
-    """Draw the surfaces of fills, in their order, over what is drawn. boxes: of the canvas, for whose part of the camera each is
-    prepared; gains: of each, to the brightness of the view (its frame's, or the scene's); count: as of `draw`."""
+def fills_in_view(scene: Scene, camera: Camera, mode: Mode) -> list[tuple[Layer, Box, Float64Array]]:
+    """What is drawn of each fill that a camera may see, where, and its gains to the brightness of the view: its frame's, or the
+    scene's."""
+    fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
+    if len(scene.frames) > 1:
+        fills = tuple(fill for fill in fills if may_show(fill, camera))
+    here = scene.gain_of(camera)
+    return [(*find_part(fill, camera), scene.gain_of(fill.camera) / here) for fill in fills]
+
+
+def put_fills(drawn: Drawn, fills: Sequence[Fill], count: NDArray[np.int32]) -> None:
+    """Draw the surfaces of fills, in their order, over what is drawn. count: as of `draw`."""
     canvas, step = drawn.canvas, min(threads(), MOST_AT_ONCE)
     at_home = drawn.frame is None and any(grid.own_camera for grid in drawn.grids)
     for begin in range(0, len(fills), step):
-        some = slice(begin, begin + step)
-        canvases = [Canvas.empty(grid.camera, len(canvas.errors) > 0) for grid in fills[some]]
-        draw_apart(fills[some], canvases, [crop_count(count, *box) for box in boxes[some]])
-        for grid, one, box, gain in zip(fills[some], canvases, boxes[some], gains[some]):
+        some = fills[begin : begin + step]
+        canvases = [Canvas.empty(grid.camera, len(canvas.errors) > 0) for grid, _, _ in some]
+        draw_apart([grid for grid, _, _ in some], canvases, [crop_count(count, *box) for _, box, _ in some])
+        for (grid, box, gain), one in zip(some, canvases):
             if (gain != 1).any():
                 one.brighten_where(one.depth > 0, gain)
             canvas.cropped(*box).put(one, over_measured=grid.layer.shows_source, at_home=at_home)
 
 
-def draw_far_of_fills(canvas: Canvas, fills: Sequence[Grid], gains: Sequence[Float64Array]) -> None:
-    """Draw what of fills is infinitely far where nothing is drawn. gains: as of `put_fills`."""
-    for grid, gain in zip(fills, gains):
+def draw_far_of_fills(canvas: Canvas, fills: Sequence[Fill]) -> None:
+    """Draw what of fills is infinitely far where nothing is drawn."""
+    for grid, _, gain in fills:
         empty = None if (gain == 1).all() else canvas.depth == 0
         draw_far(grid, canvas)
         if empty is not None:

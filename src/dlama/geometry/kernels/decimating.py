@@ -131,6 +131,16 @@ def is_halved(relief: Relief, halved: Array, at: Pixel, side: Pixel, apex: Pixel
     return False
 
 
+@piece
+def directions(row: Whole, column: Whole, half: Whole, centres: Flag) -> tuple[Pixel, Pixel]:
+    """`side` and `apex` of `is_halved` for a row and a column of `halve`."""
+    if centres:
+        down = half if (row + column) % 2 == 0 else -half
+        return (down, half), (-down, half)
+    down = half * (row % 2)
+    return (down, half - down), (half - down, down)
+
+
 @kernel
 def halve(first: Whole, last: Whole, relief: Relief, half: Whole, centres: Flag, halved: Array) -> None:
     """Middles of the sides of the squares of size 2 * half, in rows of `half` pixels, or their centres, in rows of squares: 1
@@ -141,10 +151,5 @@ def halve(first: Whole, last: Whole, relief: Relief, half: Whole, centres: Flag,
         for x in range(half if centres else half * (1 - row % 2), halved.shape[1], 2 * half):
             if half == 1 and not centres and 0 < x < width - 1 and 0 < y < height - 1:
                 continue  # halve_smallest did it
-            if centres:
-                down = half if (row + x // (2 * half)) % 2 == 0 else -half
-                side, apex = (down, half), (-down, half)
-            else:
-                down = half * (row % 2)
-                side, apex = (down, half - down), (half - down, down)
+            side, apex = directions(row, x // (2 * half), half, centres)
             halved[y, x] = 1 if is_halved(relief, halved, (y, x), side, apex) else 0

@@ -133,7 +133,7 @@ def place_sky(view: View, centre: Camera, radius: float) -> View:
 
 def pixels_of_grid(places: Float64Array, step: int) -> Float64Array:
     """N x 2: where places of a grid (px), of which each pixel is the middle of step x step, lie in the whole picture."""
-    return places if step == 1 else (places - 0.5) * step + step // 2 + 0.5
+    return (places - 0.5) * step + step // 2 + 0.5
 
 
 def move_back(part: MeshPart, camera: Camera, share: float) -> MeshPart:

@@ -16,6 +16,7 @@ from dlama.geometry.kernels.drawing.sampling import (
     ONE,
     ZERO,
     MeshColors,
+    at_pixel,
     bilinear,
     level,
     smooth_color,
@@ -165,14 +166,26 @@ def shade_points(first: Whole, last: Whole, nearest: NDArray[np.uint64], points:
                 copy_provenance(points, point, 0, out, ty, tx)
 
 
+@inlined
+def sky_color(su: Real, sv: Real, sky: Sky, knots: Float32Array, color: UInt8Array) -> tuple[Real, Real, Real]:
+    """Colour at a place of the source (px): by the sky's blocks that of its pixel, bilinear or `sampling.smooth_color`."""
+    height, width = sky.far.shape
+    left, upper = math.floor(su - 0.5), math.floor(sv - 0.5)
+    fu, fv = su - 0.5 - left, sv - 0.5 - upper
+    if not (0 <= left < width - 1 and 0 <= upper < height - 1) or sky.blocks[upper, left] == 0:
+        return at_pixel(color, np.int64(sv), np.int64(su))
+    if sky.blocks[upper, left] == 2:
+        return smooth_color(knots, width, upper, left, fu, fv)
+    return bilinear(color, upper, left, ((1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv))
+
+
 @kernel
 def shade_far(
     first: Whole, last: Whole, matrix: Float64Array, sky: Sky, knots: Float32Array, source: Planes, out: Planes
 ) -> None:
     """The far layer behind everything: empty target pixels (depth 0) whose direction is far in the source.
 
-    matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves). The colour is, by the
-    sky's blocks, that of the nearest pixel, bilinear or `sampling.smooth_color`.
+    matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves).
     """
     height, width = sky.far.shape
     for ty in range(first, last):
@@ -194,15 +207,5 @@ def shade_far(
                 continue
             out.depth[ty, tx] = np.inf
             copy_provenance(source, row, column, out, ty, tx)
-            left, upper = math.floor(su - 0.5), math.floor(sv - 0.5)
-            fu, fv = su - 0.5 - left, sv - 0.5 - upper
-            if not (0 <= left < width - 1 and 0 <= upper < height - 1) or sky.blocks[upper, left] == 0:
-                for channel in range(3):  # not as a slice: it would take two seconds longer to compile
-                    out.color[ty, tx, channel] = source.color[row, column, channel]
-                continue
-            if sky.blocks[upper, left] == 2:
-                red, green, blue = smooth_color(knots, width, upper, left, fu, fv)
-            else:
-                weights = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
-                red, green, blue = bilinear(source.color, upper, left, weights)
+            red, green, blue = sky_color(su, sv, sky, knots, source.color)
             set_color(out.color, ty, tx, red, green, blue)
