@@ -18,25 +18,22 @@ from dlama.files.scenes.spz import write_spz
 
 def read_spz(path: Path) -> SimpleNamespace:
     """What a file holds, in its own axes, number by number, as the specification has them."""
-    data = gzip.decompress(path.read_bytes())
+    data = np.frombuffer(gzip.decompress(path.read_bytes()), np.uint8)
     magic, version, count, degree, bits, flags, reserved = struct.unpack_from("<IIIBBBB", data)
     assert (magic, version, degree, flags, reserved) == (0x5053474E, 3, 0, 0, 0)
     assert len(data) == 16 + 20 * count
-    at = 16
-    points = [
-        int.from_bytes(data[at + 3 * n : at + 3 * n + 3], "little", signed=True) / 2**bits for n in range(3 * count)
-    ]
-    at += 9 * count
-    alphas = [data[at + n] / 255 for n in range(count)]
-    at += count
-    color = [(data[at + n] / 255 - 0.5) / 0.15 for n in range(3 * count)]
-    at += 3 * count
-    scales = [data[at + n] / 16 - 10 for n in range(3 * count)]
-    at += 3 * count
-    three = {"points": points, "color": color, "sizes": scales}
-    turns = [smallest_three(int.from_bytes(data[at + 4 * n : at + 4 * n + 4], "little")) for n in range(count)]
-    found = {name: np.array(values).reshape(count, 3) for name, values in three.items()}
-    return SimpleNamespace(bits=bits, opacity=np.array(alphas), turns=np.array(turns).reshape(count, 4), **found)
+    widths = (9, 1, 3, 3, 4)
+    parts = np.split(data[16:], count * np.cumsum(widths[:-1]))
+    points, alphas, color, scales, turns = (part.reshape(count, width) for part, width in zip(parts, widths))
+    fixed = [int.from_bytes(bytes(each), "little", signed=True) for each in points.reshape(-1, 3)]
+    return SimpleNamespace(
+        bits=bits,
+        points=np.reshape(fixed, (count, 3)) / 2**bits,
+        opacity=alphas[:, 0] / 255,
+        color=(color / 255 - 0.5) / 0.15,
+        sizes=scales / 16 - 10,
+        turns=np.array([smallest_three(int.from_bytes(bytes(each), "little")) for each in turns]),
+    )
 
 
 def smallest_three(word: int) -> list[float]:

@@ -20,7 +20,6 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 COMPONENTS = {"<u2": 5123, "<u4": 5125, "<f4": 5126}
 SHORT_VERTICES = 65535
 """Most vertices that numbers of two bytes name: the last number is none (glTF 2.0 sec. 3.7.2.1)."""
-POINTS, TRIANGLES = 0, 4
 LINEAR, CLAMP_TO_EDGE = 9729, 33071
 PARTS = ("accessors", "buffers", "bufferViews", "extensionsUsed", "images", "materials", "meshes", "nodes", "samplers")
 """Lists of a document; one without members is left out."""
@@ -68,16 +67,15 @@ class Glb:
         """A mesh of the last material; uv: N x 2, 0..1 in its picture."""
         parts = self.document
         vertices = mesh.vertices * GLTF_FROM_OPENCV - parts["nodes"][0]["translation"]
+        corners = mesh.triangles.reshape(-1).astype("<u2" if len(vertices) <= SHORT_VERTICES else "<u4")
         attributes = {
             "POSITION": self._add_array(vertices.astype("<f4"), "VEC3"),
             "_ORIGIN": self._add_array(mesh.origin.astype("<f4"), "SCALAR"),  # Blender 5.0 fails on bytes
             "_CONFIDENCE": self._add_array(mesh.confidence.astype("<f4"), "SCALAR"),
+            "TEXCOORD_0": self._add_array(uv.astype("<f4"), "VEC2"),
         }
-        primitive = {"attributes": attributes, "material": len(parts["materials"]) - 1, "mode": POINTS}
-        if len(mesh.triangles):
-            corners = mesh.triangles.reshape(-1).astype("<u2" if len(vertices) <= SHORT_VERTICES else "<u4")
-            primitive |= {"mode": TRIANGLES, "indices": self._add_array(corners, "SCALAR", ELEMENT_ARRAY_BUFFER)}
-        attributes["TEXCOORD_0"] = self._add_array(uv.astype("<f4"), "VEC2")
+        indices = self._add_array(corners, "SCALAR", ELEMENT_ARRAY_BUFFER)
+        primitive = {"attributes": attributes, "indices": indices, "material": len(parts["materials"]) - 1}
         parts["meshes"][0]["primitives"].append(primitive)
 
     def place(self, mesh: Mesh) -> None:

@@ -67,7 +67,7 @@ def textured_glb(packed: Sequence[MeshPart], quality: int = JPEG_QUALITY) -> lis
 def split_mesh(mesh: Mesh, pixels: Float64Array) -> Iterator[tuple[Mesh, Float64Array]]:
     """A mesh and the places of its vertices in the picture (N x 2, px), in pieces of so few vertices that two bytes number them;
     vertices at their seams are in both."""
-    if len(mesh.vertices) <= SHORT_VERTICES or not len(mesh.triangles):
+    if len(mesh.vertices) <= SHORT_VERTICES:
         yield mesh, pixels
         return
     parts = [mesh.triangles[np.argsort(mesh.triangles.min(1), kind="stable")]]  # by rows of the picture
@@ -85,8 +85,8 @@ def split_mesh(mesh: Mesh, pixels: Float64Array) -> Iterator[tuple[Mesh, Float64
 
 def pack_parts(parts: Sequence[MeshPart]) -> list[MeshPart]:
     """The parts as files have them, none empty: all opaque ones as one, with one picture; then each soft one."""
-    opaque = [part for part in parts if not part.soft and len(part.mesh.vertices)]
-    soft = [part for part in parts if part.soft and len(part.mesh.triangles)]
+    shown = [part for part in parts if len(part.mesh.triangles)]
+    soft, opaque = [part for part in shown if part.soft], [part for part in shown if not part.soft]
     if not opaque:
         return soft
     texture, places = pack_textures(opaque)

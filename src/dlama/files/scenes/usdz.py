@@ -35,7 +35,7 @@ def write_usdz(path: PathLike, parts: Sequence[MeshPart]) -> None:
     Raises MissingExtraError, OutputError; nothing half-written is left.
     """
     usd, utils = usd_module("Usd"), usd_module("UsdUtils")
-    packed = [part for part in pack_parts(parts) if len(part.mesh.triangles)]
+    packed = pack_parts(parts)
     with tempfile.TemporaryDirectory() as made, new_file(path) as draft:
         folder = Path(made)
         stage = usd.Stage.CreateNew(str(folder / "photo.usdc"))
