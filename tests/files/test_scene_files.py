@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -24,17 +23,11 @@ def view_of(seed: int, hw: tuple[int, int] = (5, 7)) -> View:
     pose = np.eye(4)
     pose[:3, 3] = rng.normal(size=3)
     camera = Camera(hw[1], hw[0], 4.1, 4.2, 3.3, 2.4, pose)
-    full = View(
-        camera,
-        rng.integers(0, 256, (*hw, 3)).astype(np.uint8),
-        rng.uniform(1, 9, hw).astype(np.float32),
-        np.zeros(hw, bool),
-        np.zeros(hw, np.uint8),
-        rng.integers(1, 5, hw).astype(np.uint8),
-        rng.random(hw).astype(np.float32),
-    )
-    depth = np.where(rng.random(hw) < 0.2, np.float32(np.inf), full.depth)
-    return dataclasses.replace(full, depth=depth).without(rng.random(hw) < 0.3, HoleType.OBJECT)
+    depth = np.where(rng.random(hw) < 0.2, np.inf, rng.uniform(1, 9, hw)).astype(np.float32)
+    color, origin = rng.integers(0, 256, (*hw, 3), np.uint8), rng.integers(1, 5, hw, np.uint8)
+    hole = np.zeros(hw, bool)
+    full = View(camera, color, depth, hole, hole.astype(np.uint8), origin, rng.random(hw, np.float32))
+    return full.without(rng.random(hw) < 0.3, HoleType.OBJECT)
 
 
 def assert_same(a: View, b: View) -> None:
@@ -115,15 +108,9 @@ def test_numpy_alone_reads_it(tmp_path: Path) -> None:
 
 
 def test_bad_files(tmp_path: Path) -> None:
-    """Cut, of others, missing: the option that writes it is named."""
+    """Of others, missing: the option that writes it is named. tests/fuzz has damaged ones."""
     with pytest.raises(FileError, match=r"scene\.npz: no such file; .*--also scene"):
         read_npz(tmp_path / "scene.npz")
-    write_npz(tmp_path / "a.npz", view_of(0), Scene((view_of(1),)))
-    data = (tmp_path / "a.npz").read_bytes()
-    for kept in (0, 10, len(data) // 2, len(data) - 1):
-        (tmp_path / "cut.npz").write_bytes(data[:kept])
-        with pytest.raises(FileError, match=r"cut\.npz"):
-            read_npz(tmp_path / "cut.npz")
     np.savez(tmp_path / "other.npz", depth=np.ones((2, 2)))
     with pytest.raises(FileError, match=r"other\.npz: has no array called 'rgb'"):
         read_npz(tmp_path / "other.npz")

@@ -5,7 +5,6 @@ Oracles: pygltflib, which has the document as it is; trimesh, which reads the te
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -101,15 +100,6 @@ def test_layers_of_other_sizes_and_without_surface(tmp_path: Path) -> None:
     assert_colors_near(seen.visual.to_color().vertex_colors[:, :3], decimated(layers).color)
     write_textured_glb(tmp_path / "empty.glb", Scene((sky,)))
     assert (tmp_path / "empty.glb").read_bytes()[:4] == b"glTF"
-
-
-def test_nothing_bleeds_in_at_edges() -> None:
-    """A pixel without a vertex has the colour of the nearest that has one, not the hole's black."""
-    shown = view(WORLD.rgbd(CAMERA), yaw=20, filler="telea").scene.layers[-1]
-    levels = np.where(shown.hole, np.uint8(0), np.uint8(255))
-    white = dataclasses.replace(shown, color=np.stack([levels] * 3, axis=2))
-    part = MeshPart(decimate(white).mesh, decimate(white).pixels, white.color, ~shown.hole)
-    assert (pack_textures((part,))[0] == 255).all()
 
 
 def test_rims_are_inside_their_own_picture() -> None:
