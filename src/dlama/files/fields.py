@@ -79,11 +79,8 @@ class FileFields:
         return fx, fy, cx, cy
 
     def pixel_center(self, default: float) -> float:
-        """0.5 or 0.0; raises CameraError."""
-        value = self.number("pixel_center") if "pixel_center" in self else default
-        if value not in (0.0, 0.5):
-            raise CameraError(f"{self.path}: pixel_center is {value:g}; 0.5 or 0.0 is expected")
-        return value
+        """Where K puts the first pixel's centre, which a Camera checks; raises CameraError where that is no number."""
+        return self.number("pixel_center") if "pixel_center" in self else default
 
     def size(self, hw: tuple[int, int] | None) -> tuple[int, int]:
         """(height, width) from the file, which must be those of the picture `hw`; `hw` where the file has none. CameraError."""

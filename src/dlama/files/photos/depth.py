@@ -40,7 +40,7 @@ from dlama.files.rasters.images import (
     picture_hw,
     read_stored,
 )
-from dlama.files.rasters.orientation import apply_orientation
+from dlama.files.rasters.orientation import apply_orientation, decoder_orientation
 from dlama.files.rasters.pictures import srgb_of
 from dlama.files.rasters.turned_pairs import same_proportions
 from dlama.geometry.camera import Camera
@@ -111,7 +111,7 @@ def _of_heic(file: Path, data: bytes, opened: Any, hw: tuple[int, int]) -> Photo
         return None
     check_pixels(file, *images[0].size)
     codes, metadata = np.asarray(images[0].to_pillow()), images[0].info.get("metadata") or {}
-    orientation = int(opened.info.get("original_orientation") or 1)
+    orientation = decoder_orientation(opened)
     if orientation >= 5 and (codes.shape[0] > codes.shape[1]) != (opened.size[1] > opened.size[0]):
         codes = apply_orientation(codes, orientation)  # of a writer that turns the picture alone
     packet = _apple_packet(data)

@@ -132,7 +132,6 @@ def _open_picture(file: PathLike, source: Path | io.BytesIO, formats: tuple[str,
         raise _too_many_pixels(file, f"more than {2 * (Image.MAX_IMAGE_PIXELS or 0) / 1e6:.0f} million") from error
 
 
-@system_errors(FileError)
 def read_stored(path: PathLike) -> StoredPicture:
     """The numbers of a picture file (KINDS).
 
@@ -160,7 +159,6 @@ def read_stored(path: PathLike) -> StoredPicture:
             return StoredPicture(apply_orientation(values, orientation), turn, focal, profile)
 
 
-@system_errors(FileError)
 def picture_hw(path: PathLike) -> tuple[int, int]:
     """(height, width) of a picture file as viewers show it, from its header. Raises FileError."""
     return _header(existing_file(path))[0]

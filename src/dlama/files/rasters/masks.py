@@ -74,7 +74,6 @@ class EmptyMaskError(MaskError):
     """A mask in which nothing is marked."""
 
 
-@system_errors(FileError)
 def read_region(path: PathLike) -> BoolArray:
     """A black and white picture as bool H x W, True = white; unlike a mask it may be all white. FileError, MaskError (grey)."""
     return _threshold(path, _grey(path), False)

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.arguments import check_arguments
-from dlama.errors import FileError, system_errors, warn
+from dlama.errors import FileError, warn
 from dlama.files.rasters.color_profiles import rgb_to_srgb
 from dlama.files.rasters.images import StoredPicture, read_stored
 from dlama.geometry.rgbd import Float32Array, UInt8Array, UInt16Array, percent
@@ -30,7 +30,6 @@ ROWS_AT_ONCE = 64
 """Of a picture, so that what is computed on the way stays in the processor's cache."""
 
 
-@system_errors(FileError)
 def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
