@@ -98,7 +98,7 @@ class JobList:
 
     @property
     def _file(self) -> str | None:
-        return str(self.jobs) if isinstance(self.jobs, (str, Path)) or hasattr(self.jobs, "__fspath__") else None
+        return str(self.jobs) if isinstance(self.jobs, str | os.PathLike) else None
 
     def __iter__(self) -> Iterator[Job]:
         """Raises InputError for a list that is none, or an id that cannot be."""

@@ -24,7 +24,7 @@ JobProgress = Callable[[JobResult | None, int, int | None], object]
 WINDOW = 8
 """Jobs a worker that may be begun before the result of the first of them is handed out, where results come in order."""
 AT_ONCE = 64
-"""Rows that are looked at before results are handed out."""
+"""Results, of jobs that need not be run, that wait before they are handed out."""
 UNWRITTEN = 4
 """Results, one after the other, that could not be written, after which a run ends: a full disk."""
 Workers = Pool | RayWorkers
@@ -113,37 +113,25 @@ class _Run:
         return self.more or bool(self.again) or self.under_way > 0
 
     def can_begin(self) -> bool:
-        """Whether a free worker may be given a task."""
-        return bool(self.again) or (self.more and not self.is_full())
-
-    def is_full(self) -> bool:
-        """Whether no job is begun until an earlier one has ended, so that few results wait for it."""
-        return self.settings.ordered and self.begun - self.handed_out >= WINDOW * self.workers.count
+        """Whether a free worker may be given a task. Where results come in order, few of them wait for an earlier one."""
+        full = self.settings.ordered and self.begun - self.handed_out >= WINDOW * self.workers.count
+        return bool(self.again) or (self.more and not full)
 
     def hand_in(self) -> None:
         """Give free workers their tasks."""
         while self.workers.free and self.can_begin() and (self.settings.ordered or len(self.ready) < AT_ONCE):
             task = self.again.popleft() if self.again else self.next_task()
-            if task is None:
-                break
-            self.workers.submit(task)
-            self.under_way += 1
+            if task is not None:
+                self.workers.submit(task)
+                self.under_way += 1
 
     def next_task(self) -> Task | None:
-        """The next job that is to be run; None: none of the next few is."""
+        """The task of the next job; None: there is none, it was done by an earlier run, or cannot be run."""
         most = self.settings.stop_after_failures
-        for _ in range(AT_ONCE):
-            job = None if most is not None and self.failures >= most else next(self.jobs, None)
-            if job is None:
-                self.more = False
-                return None
-            task = self.begin(job)
-            if task is not None or self.is_full():
-                return task
-        return None
-
-    def begin(self, job: Job) -> Task | None:
-        """The task of a job; None: it was done by an earlier run, or cannot be run."""
+        job = None if most is not None and self.failures >= most else next(self.jobs, None)
+        if job is None:
+            self.more = False
+            return None
         number, self.begun = self.begun, self.begun + 1
         if self.total is None:
             self.manifest.plan(number, job)
