@@ -144,9 +144,11 @@ class JobInputs:
         self.stages[stage] = self.stages.get(stage, 0.0) + time.perf_counter() - started
 
     @contextmanager
-    def reading(self, *names: Path, stage: str = "read") -> Iterator[None]:
-        """Files being read: shown in the bar, and timed."""
-        begin_stage(f"read {', '.join(name.name for name in names)}")
+    def reading(self, files: Mapping[str, Path | None], stage: str = "read") -> Iterator[None]:
+        """Files being read, by their roles: those that are given become inputs, are shown in the bar, and timed."""
+        given = {role: path for role, path in files.items() if path is not None}
+        self.inputs |= given
+        begin_stage(f"read {', '.join(path.name for path in given.values())}")
         with self.timed(stage):
             yield
         begin_stage("complete")
@@ -156,30 +158,27 @@ class JobInputs:
         if not is_scene(p["image"]):
             return self.read_picture(p)
         refuse_of_pictures(p, "a scene")
-        self.inputs["scene"] = Path(p["image"])
-        with self.reading(self.inputs["scene"]):
+        with self.reading({"scene": Path(p["image"])}):
             return read_scene(self.inputs["scene"])
 
     def read_picture(self, p: Parameters) -> RGBD:
         """As `read_source`, of a picture."""
-        image, depth, camera_file = Path(p["image"]), path_of(p, "depth"), path_of(p, "camera")
+        image, depth = Path(p["image"]), path_of(p, "depth")
+        files = {"image": image, "camera": path_of(p, "camera"), "depth": depth}
         self.depth_reading = select(p, READING)
         lens, options = select(p, LENS), self.depth_reading | select(p, ESTIMATING)
-        self.inputs |= {"image": image} | ({"camera": camera_file} if camera_file else {})
-        self.inputs |= {"depth": depth} if depth else {}
         if depth is None or (options.get("inverse_depth") and not options.get("depth_scale")):
-            with self.reading(image, stage="read_and_estimate_depth"):
+            with self.reading(files, "read_and_estimate_depth"):
                 rgbd = read_rgbd(image, depth, **lens, **options)
             self.intrinsics_from = (rgbd.estimate or {})["field_of_view"]["from"]
             return rgbd
-        with self.reading(image, depth):
+        with self.reading(files):
             camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens)
             return read_rgbd(image, depth, camera=camera, **options)
 
     def read_color(self, p: Parameters) -> UInt8Array:
         """The picture alone, H x W x 3."""
-        self.inputs["image"] = Path(p["image"])
-        with self.reading(self.inputs["image"]):
+        with self.reading({"image": Path(p["image"])}):
             return read_color(p["image"])
 
     def read_removed(self, p: Parameters, picture: str, mask: BoolArray | None = None) -> Mask | None:
@@ -196,8 +195,8 @@ class JobInputs:
 
     def read_mask_file(self, p: Parameters, role: str, picture: str) -> BoolArray:
         """The mask file of that role, which is of a picture (image, left, right), True = remove."""
-        path = self.inputs[role] = Path(p[role])
-        with self.reading(path):
+        path = Path(p[role])
+        with self.reading({role: path}):
             mask = read_mask(path, **select(p, MASKING))
             if picture in p and Path(p[picture]).is_file() and not is_scene(p[picture]):
                 check_mask_fits(mask, path, Path(p[picture]))
@@ -219,16 +218,15 @@ class JobInputs:
                     "`disparity_scale` is given without `disparity`; the file it belongs to is expected too"
                 )
             return None
-        self.inputs["disparity"], self.depth_reading = Path(p["disparity"]), select(p, ("disparity_scale",))
-        with self.reading(self.inputs["disparity"]):
+        self.depth_reading = select(p, ("disparity_scale",))
+        with self.reading({"disparity": Path(p["disparity"])}):
             return read_disparity(self.inputs["disparity"], scale=p.get("disparity_scale"))
 
     def read_pair(self, p: Parameters) -> tuple[UInt8Array, UInt8Array, StereoRig]:
         """The pictures of a rectified pair and the cameras that took them."""
         left, right, calib = (Path(p[role]) for role in ("left", "right", "calib"))
-        self.inputs |= {"left": left, "right": right, "calib": calib}
         self.intrinsics_from = f"calib {calib.name}"
-        with self.reading(left, right, calib):
+        with self.reading({"left": left, "right": right, "calib": calib}):
             pictures = read_color(left), read_color(right)
             return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])
 
