@@ -166,9 +166,9 @@ def stages_bar(title: str, total: int, report: Report) -> Iterator[None]:
 
 @contextmanager
 def counting_bar(title: str, report: Report, of_bytes: bool = False) -> Iterator[Any]:
-    """A bar on a terminal, removed when it is done, as a function of (done, total, title); None elsewhere."""
+    """A bar on a terminal, removed when it is done, as a function of (done, total, title), which does nothing elsewhere."""
     if report.quiet or not sys.stderr.isatty():
-        yield None
+        yield lambda *_: None
         return
     from dlama.apps.terminal.bars import BYTES, COUNT, open_bar
 
@@ -200,13 +200,12 @@ def follow_run(
             def update(done: int, total: int | None, note: str, earlier: bool) -> None:
                 state["kept"] += earlier * (done - state["done"])
                 state.update(done=done, total=total)
-                if bar is not None:
-                    bar(done, total, f"{title}: {note}" if note else title)
+                bar(done, total, f"{title}: {note}" if note else title)
 
             def show_stage(stage: str) -> None:  # of what comes before the first result
                 nonlocal at_first
                 at_first = f"{title}, {stage}"
-                if bar is not None and not state["done"]:
+                if not state["done"]:
                     bar(0, state["total"], f"{title}: {stage}")
 
             with show_progress(show_stage):

@@ -70,8 +70,7 @@ def video(
 
         def pictures() -> Iterator[UInt8Array]:
             for number, view in enumerate(views, 1):
-                if bar is not None:
-                    bar(number, len(cameras))
+                bar(number, len(cameras))
                 yield view.color
 
         fps = moving.fps
