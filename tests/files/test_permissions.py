@@ -27,7 +27,7 @@ CALLS = {
         f"open_dataset {name}": f"dlama.datasets.layouts.open_dataset('{{}}', '{name}')"
         for name in ("easysynth", "pairs", "removal", "stereo", "tum", "7-scenes", "scannet", "redwood", "nerfstudio")
     },
-    "world": "dlama.worlds.dataset.world(0, textures=Path('{}'))",
+    "write_worlds": "dlama.worlds.writer.write_worlds(Path('{}.worlds'), textures=Path('{}'))",
     "settings_of": "dlama.training.presets.settings_of('{}.json')",
     "find_training_data": "dlama.training.data.sources.find_training_data(Path('{}'))",
     "source_of": "dlama.apps.model_files.source_of('{}.pt')",

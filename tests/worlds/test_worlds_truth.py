@@ -6,15 +6,18 @@ import dataclasses
 import hashlib
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dlama.errors import FileError, InputError, ShapeError
+from dlama.files.rasters.pictures import write_color
 from dlama.geometry.kernels import jit
 from dlama.geometry.motion.trajectories import orbit
 from dlama.worlds.dataset import _from_seed, world
 from dlama.worlds.world import World
+from dlama.worlds.writer import write_worlds
 from marks import first_quick
 
 SEEDS = first_quick([("street", 1), ("room", 3), ("street", 24), ("room", 40)], 2)
@@ -96,26 +99,25 @@ def test_the_object_is_seen_from_everywhere() -> None:
             assert seen.depth.min() > 0.25, (seed, yaw)
 
 
-def test_photos_become_textures(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    """Pictures as arrays and as a folder, in words or as a path, give the same world, another one than without."""
-    import cv2
-
+def test_photos_become_textures(tmp_path: Path) -> None:
+    """Pictures as arrays and as files give the same world, another one than without."""
     rng = np.random.default_rng(0)
     photos = [rng.integers(0, 256, (40 + 20 * n, 90, 3)).astype(np.uint8) for n in range(3)]
-    for n, photo in enumerate(photos):
-        cv2.imwrite(str(tmp_path / f"{n}.png"), photo[..., ::-1])
-    given = {digest(world(7, textures=textures)) for textures in (photos, tmp_path, str(tmp_path))}
+    files = [tmp_path / f"{n}.png" for n in range(3)]
+    for file, photo in zip(files, photos):
+        write_color(file, photo)
+    given = {digest(world(7, textures=textures)) for textures in (photos, files)}
     assert len(given) == 1 and digest(world(7)) not in given
 
 
-def test_bad_wishes_are_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_bad_wishes_are_refused(tmp_path: Path) -> None:
     """Messages name what came and what is expected."""
     with pytest.raises(InputError, match="seed is -1"):
         world(-1)
     with pytest.raises(FileError, match="is no folder"):
-        world(1, textures=tmp_path / "none")
+        write_worlds(tmp_path / "out", textures=tmp_path / "none")
     with pytest.raises(FileError, match="holds no pictures"):
-        world(1, textures=tmp_path)
+        write_worlds(tmp_path / "out", textures=tmp_path)
     with pytest.raises(ShapeError, match="a texture is float64"):
         world(1, textures=[np.zeros((8, 8))])
     with pytest.raises(InputError, match=r"world\.shapes is \(3, 3\)"):

@@ -18,17 +18,17 @@ from dlama.arguments import check_count, check_word, is_finite
 from dlama.completion.options import Unpack
 from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth, true_disparity
 from dlama.datasets.layouts import DatasetOptions, open_dataset, refuse_unused, select_cases
-from dlama.datasets.text_tables import pictures_below
 from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.worlds.layouts.random_scene import build
+from dlama.worlds.materials.palette import Photo
 from dlama.worlds.world import SIZE, Kind, World, yaw_order
 
 YAWS = (10, 20, 30, 40, 50, 60)
 KINDS = ("street", "room")
 PHOTOS = 12
-"""How many pictures of a folder one world uses at most."""
+"""How many of the pictures one world uses at most."""
 LAYOUT = "worlds"
 """Name of generated data sets, and of their layout."""
 MOST_WORLDS, MOST_PX = 10_000, 8192
@@ -36,22 +36,21 @@ MOST_WORLDS, MOST_PX = 10_000, 8192
 DEFAULT_COUNT = 4
 """How many worlds the bare name generates."""
 
-Textures = str | Path | Sequence[np.ndarray] | None
-_textures_in = lru_cache(maxsize=4)(pictures_below)
+Textures = Sequence[Photo] | None
 
 
-@system_errors(FileError)
 def world(seed: int, *, kind: Kind | None = None, textures: Textures = None) -> World:
     """The world of a seed (>= 0): the same bytes in every process, for any number of threads.
 
-    `textures`: a folder of pictures (searched through) or pictures (H x W x 3 uint8 RGB), a dozen of which, drawn by the
-    seed, take the place of most procedural textures. `kind`: "street" or "room", drawn by the seed where None.
-    Raises InputError, FileError (no pictures, or one that cannot be read), ShapeError.
+    `textures`: pictures (H x W x 3 uint8 RGB) or files of such, a dozen of which, drawn by the seed, take the place of most
+    procedural textures. `kind`: "street" or "room", drawn by the seed where None.
+    Raises InputError, FileError (a picture that cannot be read), ShapeError.
     """
     _check_world(seed, kind)
-    if textures is None or isinstance(textures, str | Path):
-        return _from_seed(seed, kind, None if textures is None else Path(textures))
-    return _build_with_photos(seed, kind, textures)
+    if textures is None:
+        return _from_seed(seed, kind)
+    chosen = np.random.default_rng((seed, 1)).permutation(len(textures))[:PHOTOS]
+    return build(seed, kind, [textures[int(n)] for n in chosen])
 
 
 def _check_world(seed: int, kind: Kind | None) -> None:
@@ -61,14 +60,9 @@ def _check_world(seed: int, kind: Kind | None) -> None:
 
 
 @lru_cache(maxsize=4)
-def _from_seed(seed: int, kind: Kind | None, folder: Path | None) -> World:
+def _from_seed(seed: int, kind: Kind | None) -> World:
     """Four worlds are kept, because the cases of a world are mostly loaded one after another."""
-    return _build_with_photos(seed, kind, _textures_in(folder) if folder is not None else ())
-
-
-def _build_with_photos(seed: int, kind: Kind | None, pictures: Sequence[np.ndarray | Path]) -> World:
-    chosen = np.random.default_rng((seed, 1)).permutation(len(pictures))[:PHOTOS]
-    return build(seed, kind, [pictures[int(n)] for n in chosen])
+    return build(seed, kind, ())
 
 
 @dataclass(frozen=True)
@@ -77,7 +71,7 @@ class WorldSettings:
 
     seed: int
     kind: Kind | None
-    textures: Path | None
+    textures: tuple[Path, ...] | None
     size: int
 
     @property
@@ -124,16 +118,13 @@ def worlds(
     return Dataset(LAYOUT, LAYOUT, None, tuple(frames), tuple(cases))
 
 
-@system_errors(FileError)
 def world_settings(
-    count: int, seed: int, size: int, kind: Kind | None, textures: Path | None = None
+    count: int, seed: int, size: int, kind: Kind | None, textures: tuple[Path, ...] | None = None
 ) -> list[WorldSettings]:
-    """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError, FileError (no textures there)."""
+    """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError."""
     check_count(count, "count", 1, MOST_WORLDS)
     check_count(size, "size", 1, MOST_PX)
     _check_world(seed, kind)
-    if textures is not None:
-        _textures_in(textures)
     return [WorldSettings(seed + n, kind, textures, size) for n in range(count)]
 
 

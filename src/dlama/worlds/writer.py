@@ -13,7 +13,8 @@ import numpy as np
 from dlama import __version__
 from dlama.completion.memory import check_memory
 from dlama.datasets.easysynth.writer import LEFT, RIGHT, SequenceFrame, write_scene
-from dlama.errors import OutputError, system_errors
+from dlama.datasets.text_tables import pictures_below
+from dlama.errors import FileError, OutputError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.worlds.dataset import YAWS, WorldSettings, world_settings
 from dlama.worlds.world import SIZE, Kind, World, yaw_order
@@ -37,10 +38,10 @@ def write_worlds(
 ) -> list[Path]:
     """Write worlds in EasySynth's layout, depth range 10 m: scene folders `wNNN` with with, without, stereo_with, stereo_without.
 
-    `progress` is called with frames done and all frames. A scene is written whole or not at all, and one that an earlier run
-    has written with the same settings is kept: a run that was killed resumes where it was. Returns the scenes' folders. Raises
-    InputError (memory cannot hold the pictures), OutputError (a scene's folder holds something else, or the place cannot be
-    written).
+    `textures`: a folder of pictures (searched through), as of `world`. `progress` is called with frames done and all frames. A
+    scene is written whole or not at all, and one that an earlier run has written with the same settings is kept: a run that was
+    killed resumes where it was. Returns the scenes' folders. Raises InputError (memory cannot hold the pictures), FileError (no
+    textures there), OutputError (a scene's folder holds something else, or the place cannot be written).
     """
     done = itertools.count(1)
 
@@ -48,12 +49,14 @@ def write_worlds(
         if progress is not None:
             progress(next(done), FRAMES * count)
 
-    every = world_settings(count, seed, size, kind, textures)
+    with system_errors(FileError):
+        photos = None if textures is None else pictures_below(textures)
+    every = world_settings(count, seed, size, kind, photos)
     check_memory([Camera.from_fov(size, size, 60.0)])
-    return [_write_or_keep(Path(folder), each, step) for each in every]
+    return [_write_or_keep(Path(folder), each, textures, step) for each in every]
 
 
-def _write_or_keep(root: Path, settings: WorldSettings, step: Callable[[], None]) -> Path:
+def _write_or_keep(root: Path, settings: WorldSettings, textures: Path | None, step: Callable[[], None]) -> Path:
     """The folder of a scene: as an earlier run with these settings left it, else written now; `step` is called for each frame."""
     folder = root / settings.scene
     made_with: dict[str, object] = {
@@ -61,7 +64,7 @@ def _write_or_keep(root: Path, settings: WorldSettings, step: Callable[[], None]
         "seed": settings.seed,
         "kind": settings.kind,
         "size": settings.size,
-        "textures": None if settings.textures is None else str(settings.textures),
+        "textures": None if textures is None else str(textures),
     }
     found = None
     with suppress(OSError, ValueError, RecursionError):
