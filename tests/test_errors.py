@@ -12,6 +12,7 @@ import pytest
 from PIL import Image, ImageFile
 
 import dlama
+from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import LONGEST, DlamaError, FileError, InputError, MissingExtraError, OutputError
 from dlama.files.rasters.depth import read_depth
@@ -41,7 +42,7 @@ def test_an_error_carries_the_parameters_that_it_is_about() -> None:
         InputError("fov is 0"),
         OutputError("out: no space left on device"),
         MissingExtraError("dlama video", "av", "video"),
-        NoPairsError("room: no two frames overlap", ()),
+        NoPairsError("room: no two frames overlap", Dataset("room", "tum", None, (), ())),
     ],
 )
 def test_errors_travel_between_processes(error: DlamaError) -> None:

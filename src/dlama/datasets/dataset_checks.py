@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 
 from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
-from dlama.datasets.layouts import detect, open_dataset
+from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.posed_frames import LOG
-from dlama.datasets.posed.scene_file import LAYOUT as SCENE
-from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import InputError, format_count
 from dlama.geometry.rgbd import RGBD
@@ -61,8 +59,7 @@ def _open(root: Path, layout: str | None, options: Mapping[str, Any]) -> tuple[D
         with log_messages(noted.append, LOG, logging.getLogger("dlama.kernels")):
             dataset = open_dataset(root, layout, **options)
     except NoPairsError as error:
-        name = layout or (SCENE if is_scene_file(root) else detect(root))
-        dataset = Dataset(root.resolve().name, name, root, error.frames, ())
+        dataset = error.dataset
         if error.turned:
             found.append(Finding("no-overlap", "fault", 0.9, str(error)))
     return dataset, [*(Finding("frames", "note", 1.0, note) for note in noted), *found]

@@ -36,11 +36,12 @@ EVERY_PIXEL = 8
 
 
 class NoPairsError(FileError):
-    """No case can be made of the frames; it has them, and whether any two turn as those of a case do, for a diagnosis."""
+    """No case can be made of the frames of a data set; it has that, and whether any two turn as those of a case do, for a
+    diagnosis."""
 
-    def __init__(self, message: str, frames: tuple[PosedFrame, ...], turned: bool = False) -> None:
+    def __init__(self, message: str, dataset: Dataset, turned: bool = False) -> None:
         super().__init__(message)
-        self.frames = frames
+        self.dataset = dataset
         self.turned = turned
 
 
@@ -61,21 +62,23 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
     for frame in frames:
         scenes.setdefault(frame.scene, []).append(frame)
     cases = tuple(islice(chain.from_iterable(view_pairs(own, name) for own in scenes.values()), limit))
+    found = Dataset(name, layout, root, frames, cases)
     if not cases and limit != 0:
-        raise _no_pairs(root, scenes.values(), frames)
-    return Dataset(name, layout, root, frames, cases)
+        raise _no_pairs(found, scenes.values())
+    return found
 
 
-def _no_pairs(root: Path, scenes: Iterable[list[PosedFrame]], frames: tuple[PosedFrame, ...]) -> NoPairsError:
+def _no_pairs(dataset: Dataset, scenes: Iterable[list[PosedFrame]]) -> NoPairsError:
     """Why no case can be made of the frames."""
-    if len(frames) < 2:
-        count = format_count(len(frames), "frame")
-        return NoPairsError(f"{root}: holds {count}; two or more of one scene are expected", frames)
+    root, count = dataset.root, len(dataset.frames)
+    if count < 2:
+        held = format_count(count, "frame")
+        return NoPairsError(f"{root}: holds {held}; two or more of one scene are expected", dataset)
     turned = any(_turns(frame, own) for own in scenes for frame in own)
     of_those = f"overlap by {MIN_OVERLAP:.0%} and turn" if turned else "turn"
     unit = "; are depth and poses in the same unit?" if turned else ", as those of a case do"
     degrees = f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees"
-    return NoPairsError(f"{root}: no two of its {len(frames)} frames {of_those} by {degrees}{unit}", frames, turned)
+    return NoPairsError(f"{root}: no two of its {count} frames {of_those} by {degrees}{unit}", dataset, turned)
 
 
 def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
