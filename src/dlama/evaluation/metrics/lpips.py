@@ -15,7 +15,7 @@ import numpy as np
 
 from dlama.errors import ShapeError, format_size
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, replace_pixels
 from dlama.models.network_file import NetworkFile
 
 NETWORK = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
@@ -43,8 +43,7 @@ def lpips(mine: UInt8Array, truth: UInt8Array, region: BoolArray | None = None) 
         return distance(features(truth), features(mine))
     if not region.any():
         return math.nan
-    inside = region if truth.ndim == 2 else region[..., None]
-    pasted = features(np.where(inside, mine, truth))
+    pasted = features(replace_pixels(truth, region, mine))
     return float(distance_map(features(truth), pasted, truth.shape[:2])[region].mean())
 
 

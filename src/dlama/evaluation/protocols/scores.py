@@ -22,7 +22,7 @@ from dlama.evaluation.metrics.reliability import by_distance, calibration, spars
 from dlama.evaluation.protocols.methods import Measure, MethodRun, ProtocolSettings, measures_of
 from dlama.evaluation.protocols.strips import strip
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, brighten
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, brighten, replace_pixels
 from dlama.geometry.view import View
 from dlama.inpainters.confidence import COLOR_WITHIN, DEPTH_WITHIN
 
@@ -105,7 +105,7 @@ class Reference:
         self, modality: str, truth: UInt8Array, mine: UInt8Array, counted: BoolArray | None
     ) -> list[Measure]:
         if counted is not None:
-            mine = np.where(counted if truth.ndim == 2 else counted[..., None], mine, truth)
+            mine = replace_pixels(truth, counted, mine)
         maps = ssim_map(truth, mine), mse_map(truth, mine)
         found: list[Measure] = []
         for name, region in self.large_regions(counted):

@@ -26,13 +26,11 @@ from dlama.geometry.visibility import Law
 from dlama.perception.stereo.agreement import transfer_mask
 from dlama.training.data.crops import Crop, random_crop, resize_frame
 from dlama.training.data.masks import random_mask
-from dlama.training.data.samples.views import PairExample, ViewExample, hole_size_fits
+from dlama.training.data.samples.views import DEPTH_AGREES, PairExample, ViewExample, hole_size_fits
 from dlama.training.data.samples.worlds import MOST_DILATION, dilate_equally, mask_example
 
 MOST_DRAWS = 4
 """Crops of a frame that are tried; where the mask has no fitting size in any of them, a random mask is taken."""
-DEPTH_AGREES = 0.03
-"""Relative difference of inverse depth up to which two frames show the same."""
 
 
 Cases = Sequence[Case]
