@@ -14,13 +14,12 @@ import torch
 from torch import Tensor, nn
 
 from dlama.files.rasters.pictures import write_color
-from dlama.inpainters.networks.view_tensors import levels_of
+from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes, levels_of
+from dlama.inpainters.opencv import paint
 from dlama.training.data.batches import Batch, composite, hole_planes
 from dlama.training.losses.pixels import TOLERANCE
 from dlama.training.settings import NetworkSettings, TrainSettings
 
-TELEA_RADIUS = 3
-"""Pixels."""
 ROWS = 6
 """Samples of a sheet."""
 GAP, TOP = 4, 18
@@ -71,18 +70,14 @@ def hole_metrics(output: Tensor, batch: Batch, network: NetworkSettings) -> dict
 def telea(batch: Batch) -> Tensor:
     """The target with its hole filled by OpenCV's Telea (colour in 8 bit, depth in 16), B x P x H x W: a reference."""
     planes = batch["target"].shape[1]
-    known = (batch["target"] * (1 - hole_planes(batch["mask"], planes))).cpu().numpy()
-    holes = hole_planes(batch["mask"], planes).cpu().numpy().astype(np.uint8)
-    filled = np.empty_like(known)
-    for i, sample in enumerate(known):
+    holes = hole_planes(batch["mask"], planes).cpu().numpy() > 0
+    filled = batch["target"].cpu().numpy() * ~holes
+    for sample, hole in zip(filled, holes):
         for first in range(0, planes - 2, 3):
-            color = np.round(sample[first : first + 3].transpose(1, 2, 0) * 255).astype(np.uint8)
-            out = cv2.inpaint(np.ascontiguousarray(color), holes[i, first], TELEA_RADIUS, cv2.INPAINT_TELEA)
-            filled[i, first : first + 3] = out.transpose(2, 0, 1) / np.float32(255)
+            part = slice(first, first + 3)
+            sample[part] = color_planes(paint(color_from_planes(sample[part]), hole[first]))
         if planes % 3:
-            levels = np.round(sample[-1] * 65535).astype(np.uint16)
-            out = cv2.inpaint(levels, holes[i, -1], TELEA_RADIUS, cv2.INPAINT_TELEA)
-            filled[i, -1] = out / np.float32(65535)
+            sample[-1] = paint(np.round(sample[-1] * 65535).astype(np.uint16), hole[-1]) / np.float32(65535)
     return torch.from_numpy(filled).to(batch["target"].device)
 
 
