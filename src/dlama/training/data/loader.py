@@ -11,16 +11,15 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from torch.utils.data import DataLoader, Dataset, default_collate
 
-from dlama.geometry.kernels.jit import use_threads
 from dlama.models.network_file import processor_count
 from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.sources import SampleSource
 from dlama.training.settings import TrainSettings
+from dlama.workers.threads import limit_threads
 
 GROUPS_IN_TURN = 4
 """Groups of indices that samples are taken from in turn, so that a batch shows several worlds; a worker caches as many."""
@@ -91,7 +90,5 @@ def _shuffle(size: int, seed: int, epoch: int) -> np.ndarray:
 
 
 def _single_thread(worker: int) -> None:
-    """One thread per worker process: together they use all cores."""
-    cv2.setNumThreads(1)
-    torch.set_num_threads(1)
-    use_threads(1)
+    """One thread per worker process, as torch has it there by itself: together they use all cores."""
+    limit_threads(1)
