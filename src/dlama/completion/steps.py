@@ -82,9 +82,7 @@ def complete_frame(
         frame = scene.frames[place].load()
         context = plan.context.near(frame.camera)
         before = render_measured(plan.measured, scene, frame.camera, recipe.mode, recipe.footprint)
-        known, moved = before, 0
-        if scene is not plan.measured:
-            known, moved = close_by_earlier_fill(context.law, scene, before, recipe.mode, frames=True)
+        known, moved = close_by_earlier_fill(context.law, scene, before, recipe.mode, frames=scene is not plan.measured)
         view, filled = inpaint(known, plan.inpainter, context, plan.seed)
         colored = frame.depth_hole
         if colored.any():
@@ -108,10 +106,9 @@ def complete_view(
         before, given_up = render_measured(plan.measured, scene, camera, recipe.mode, recipe.footprint), 0
         if recipe.dilate_holes:
             before, given_up = dilate_holes(before, recipe.dilate_holes)
-        known, moved = before, 0
-        if scene is not plan.measured:
-            redrawn = plan.measured.has_frame_of(camera) or recipe.dilate_holes > 0 or recipe.footprint
-            known, moved = close_by_earlier_fill(context.law, scene, before, recipe.mode, redrawn)
+        redrawn = plan.measured.has_frame_of(camera) or recipe.dilate_holes > 0 or recipe.footprint
+        frames = redrawn and scene is not plan.measured
+        known, moved = close_by_earlier_fill(context.law, scene, before, recipe.mode, frames)
     with clock("fill"):
         view, filled = inpaint(known, plan.inpainter, replace(context, law=law), plan.seed)
     with clock("fuse"):

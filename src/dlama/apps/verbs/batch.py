@@ -121,7 +121,7 @@ def batch(
             for line in plan_lines(jobs, which.verb, given):
                 result.add(line)
             return
-        place = check_place(output, which.data, words)
+        place = place_of(output, which.data, words)
         options = {name: value for name, value in vars(running).items() if name != "dry_run"}
         options |= {} if which.data else given  # a data set's jobs have theirs
         totals = Totals()
@@ -133,7 +133,7 @@ def batch(
         raise SystemExit(FAILED)
 
 
-def check_place(output: str | None, data: Path | None, words: Sequence[str]) -> Path | str:
+def place_of(output: str | None, data: Path | None, words: Sequence[str]) -> Path | str:
     """Where results go: a directory, or an address. InputError: none; OutputError: a directory that is read from."""
     if output is None:
         raise InputError("`output` is missing; a directory for the results is expected: -o DIR")

@@ -263,9 +263,7 @@ def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> StereoComp
 
 def left_before_filling(source: RGBD, scene: Scene) -> View:
     """The left view with its sensor holes open, and the object where `scene` has one removed."""
-    before, base = View.from_rgbd(source), scene.frames[0].load()
-    removed = base.object_hole
-    return before.without(removed, HoleType.OBJECT) if removed.any() else before
+    return View.from_rgbd(source).without(scene.frames[0].load().object_hole, HoleType.OBJECT)
 
 
 def filler_next_to(filler: Inpainter, other: View, recipe: Recipe, *, left: bool) -> Inpainter:
