@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
-import logging
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -18,10 +18,10 @@ from dlama.errors import FileError, InputError, OutputError, any_error, system_e
 from dlama.files.fields import json_text, json_value
 from dlama.training.presets import PRESETS, settings_of
 from dlama.training.settings import TrainSettings
+from dlama.workers.progress import log_messages
 from dlama.writing.atomic_write import new_file, write_file, writing
 from dlama.writing.drafts import lock
 
-LOG = logging.getLogger("dlama")
 SETTINGS, METRICS, LOG_FILE, SHEETS, LAST = "settings.json", "metrics.csv", "log.txt", "sheets", "last.ckpt"
 DATA = "data.json"
 """A list of the folders that samples are made of."""
@@ -123,21 +123,17 @@ def read_data(run: Path) -> list[Path]:
 
 @contextmanager
 def log_to_file(run: Path) -> Iterator[None]:
-    """While it is open, what the training logs is also written to the run's log.txt."""
-    with writing(run / LOG_FILE):
-        handler: logging.Handler = logging.FileHandler(run / LOG_FILE, encoding="utf-8")
-    level = LOG.level
-    handler.handleError = lambda record: None  # type: ignore[method-assign]  # a full disk does not end a run
-    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
-    LOG.addHandler(handler)
-    LOG.setLevel(min(LOG.getEffectiveLevel(), logging.INFO))
-    try:
+    """While it is open, what the training logs is also written to the run's log.txt; a full disk does not end a run."""
+    path = run / LOG_FILE
+    with writing(path):
+        path.touch()
+
+    def write(message: str) -> None:
+        with suppress(OSError), path.open("a", encoding="utf-8") as stream:
+            stream.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {message}\n")
+
+    with log_messages(write):
         yield
-    finally:
-        LOG.removeHandler(handler)
-        LOG.setLevel(level)
-        with suppress(OSError):
-            handler.close()
 
 
 def refuse_changes(before: TrainSettings, now: TrainSettings) -> None:

@@ -19,7 +19,6 @@ from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
 from dlama import __version__
 from dlama.errors import InputError, OutputError, system_errors
-from dlama.models.network_file import processor_count
 from dlama.training.data.batches import check_sample
 from dlama.training.data.loader import NumberedSamples, batch_loader, batch_numbers, held_out_batch
 from dlama.training.data.sources import SampleSource, source_for
@@ -40,6 +39,7 @@ from dlama.training.loop.run_files import (
 from dlama.training.loop.validation import hole_metrics, scores_of, telea
 from dlama.training.presets import to_json
 from dlama.training.settings import TrainSettings
+from dlama.workers.memory import check_processes
 from dlama.writing.atomic_write import write_file
 
 LOG = logging.getLogger("dlama")
@@ -131,13 +131,13 @@ def _checkpoint(run: Path, resume: bool) -> dict[str, Any]:
 
 
 def check_devices(settings: TrainSettings) -> None:
-    """Raise InputError for more GPUs or, on a CPU, more processes than this computer has."""
+    """InputError for more GPUs or, on a CPU, more processes than this computer can hold."""
     loop, gpus = settings.loop, torch.cuda.device_count() if torch.cuda.is_available() else 0
-    on_gpu = loop.accelerator == "gpu" or (loop.accelerator == "auto" and gpus > 0)
-    there, what = (gpus, "GPUs") if on_gpu else (processor_count(), "processor cores")
-    if loop.devices > there:
+    if loop.accelerator == "cpu" or (loop.accelerator == "auto" and not gpus):
+        check_processes(loop.devices, "loop.devices")
+    elif loop.devices > gpus:
         raise InputError(
-            f"`loop.devices` is {loop.devices}; this computer has {there} {what}, so at most {there} is expected"
+            f"`loop.devices` is {loop.devices}; this computer has {gpus} GPUs, so at most {gpus} is expected"
         )
 
 
