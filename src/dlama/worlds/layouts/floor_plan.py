@@ -58,19 +58,19 @@ class FloorPlan:
         self,
         props: dict[str, tuple[Prop, float]],
         names: list[str],
-        count: int,
+        counts: tuple[int, int],
         xs: tuple[float, float],
         zs: tuple[float, float],
     ) -> None:
-        """Puts up to `count` objects of some kinds at random free places."""
+        """Puts objects of some kinds at random free places: up to a number from the first of `counts` on, below the second."""
         rng = self.rng
-        for _ in range(count):
-            prop, r = props[names[int(rng.integers(len(names)))]]
+        for _ in range(rng.integers(*counts)):
+            prop, r = props[names[rng.integers(len(names))]]
             for _ in range(12):
-                x, z = float(rng.uniform(*xs)), float(rng.uniform(*zs))
+                x, z = rng.uniform(*xs), rng.uniform(*zs)
                 if self.is_free(x, z, r):
                     self._circles.append((x, z, r))
-                    yaw = float(rng.choice((0, 90, 180, 270)) + rng.normal(0, 12))
+                    yaw = rng.choice((0, 90, 180, 270)) + rng.normal(0, 12)
                     with self.builder.at(x, z, yaw, self.floor(x, z)), self.builder.group():
                         prop(self.builder, self.palette, rng)
                     break
@@ -78,7 +78,7 @@ class FloorPlan:
     def place_object(self, objects: tuple[Prop, ...], scale: tuple[float, float]) -> None:
         """The object of interest, near the point about which the cameras turn."""
         rng = self.rng
-        x, z = float(rng.uniform(-0.3, 0.3)), PIVOT_M + float(rng.uniform(-0.4, 0.4))
-        place = self.builder.at(x, z, float(rng.uniform(-180, 180)), self.floor(x, z), float(rng.uniform(*scale)))
+        x, z = rng.uniform(-0.3, 0.3), PIVOT_M + rng.uniform(-0.4, 0.4)
+        place = self.builder.at(x, z, rng.uniform(-180, 180), self.floor(x, z), rng.uniform(*scale))
         with place, self.builder.group(OBJECT_GROUP):
-            objects[int(rng.integers(len(objects)))](self.builder, self.palette, rng)
+            objects[rng.integers(len(objects))](self.builder, self.palette, rng)

@@ -30,7 +30,7 @@ def build(seed: int, kind: Kind | None, photos: Sequence[Photo]) -> World:
     plan = FloorPlan(builder, Palette(builder, rng, photos), rng)
     (street if is_street else room)(plan)
     light, sky = (daylight(rng) if is_street else lamplight(rng)), random_sky(rng)
-    return World(builder.shapes(), builder.texels(), light, sky, float(rng.uniform(1.2, 1.6)))
+    return World(builder.shapes(), builder.texels(), light, sky, rng.uniform(1.2, 1.6))
 
 
 def direction_to_light(azimuth_deg: float, elevation_deg: float) -> Rgb:
@@ -41,13 +41,13 @@ def direction_to_light(azimuth_deg: float, elevation_deg: float) -> Rgb:
 
 def daylight(rng: Generator) -> Light:
     """From high noon to a low warm sun to an overcast day; mostly from behind the camera."""
-    azimuth = float(rng.normal(0, 60) if rng.random() < 0.75 else rng.uniform(0, 360))
-    elevation, bright = float(rng.uniform(22, 65)), float(rng.uniform(0.85, 1.2))
+    azimuth = rng.normal(0, 60) if rng.random() < 0.75 else rng.uniform(0, 360)
+    elevation, bright = rng.uniform(22, 65), rng.uniform(0.85, 1.2)
     warm = max(0.0, (40 - elevation) / 40)
-    share = float(rng.uniform(0.55, 0.8)) if rng.random() < 0.75 else float(rng.uniform(0.1, 0.3))
+    share = rng.uniform(0.55, 0.8) if rng.random() < 0.75 else rng.uniform(0.1, 0.3)
     sun = 1.65 * bright * share
     rest = bright * (1.15 - share)
-    blue = float(rng.uniform(0, 0.15))
+    blue = rng.uniform(0, 0.15)
     return Light(
         direction_to_light(azimuth, elevation),
         (sun, sun * (0.96 - 0.2 * warm), sun * (0.9 - 0.4 * warm)),
@@ -58,10 +58,10 @@ def daylight(rng: Generator) -> Light:
 
 def lamplight(rng: Generator) -> Light:
     """A steep, soft light in a room; the walls do not stop it."""
-    bright, warm = float(rng.uniform(0.8, 1.1)), float(rng.uniform(-0.05, 0.12))
-    sun, rest = bright * float(rng.uniform(0.3, 0.55)), bright * float(rng.uniform(0.62, 0.85))
+    bright, warm = rng.uniform(0.8, 1.1), rng.uniform(-0.05, 0.12)
+    sun, rest = bright * rng.uniform(0.3, 0.55), bright * rng.uniform(0.62, 0.85)
     return Light(
-        direction_to_light(float(rng.uniform(0, 360)), float(rng.uniform(48, 78))),
+        direction_to_light(rng.uniform(0, 360), rng.uniform(48, 78)),
         (sun * (1 + warm), sun, sun * (1 - warm)),
         (rest * (1 + warm), rest, rest * (1 - warm)),
         (0.85 * rest * (1 + warm), 0.85 * rest, 0.85 * rest * (1 - warm)),
@@ -70,18 +70,18 @@ def lamplight(rng: Generator) -> Light:
 
 def random_sky(rng: Generator) -> Sky:
     """Clear, cloudy or overcast; haze that takes far houses into the horizon's colour."""
-    grey, warm = float(rng.random()), float(rng.uniform(-0.02, 0.1))
+    grey, warm = rng.random(), rng.uniform(-0.02, 0.1)
     zenith = np.array((0.1, 0.24, 0.55)) * rng.uniform(0.7, 1.3)
     zenith = zenith + 0.6 * (grey > 0.75) * (np.array((0.5, 0.53, 0.57)) - zenith)
     horizon = np.array((0.62 + warm, 0.7, 0.8 - warm)) * rng.uniform(0.85, 1.1)
-    cloud = float(rng.uniform(0.7, 0.95))
+    cloud = rng.uniform(0.7, 0.95)
     return Sky(
         tuple(map(float, horizon)),  # type: ignore[arg-type]
         tuple(map(float, zenith)),  # type: ignore[arg-type]
-        (cloud, cloud, cloud * float(rng.uniform(0.94, 1.02))),
-        cover=float(rng.uniform(0.25, 0.85)),
-        softness=float(rng.uniform(0.12, 0.35)),
-        scale=float(rng.uniform(0.06, 0.2)),
-        offset=(float(rng.random()), float(rng.random())),
-        haze=float(rng.uniform(0.0005, 0.006)),
+        (cloud, cloud, cloud * rng.uniform(0.94, 1.02)),
+        cover=rng.uniform(0.25, 0.85),
+        softness=rng.uniform(0.12, 0.35),
+        scale=rng.uniform(0.06, 0.2),
+        offset=(rng.random(), rng.random()),
+        haze=rng.uniform(0.0005, 0.006),
     )

@@ -18,8 +18,8 @@ def wall(plan: FloorPlan, length: float, height: float, material: Material, wind
     if not window:
         builder.box((0, 0, middle), (length, height, THICK_M), material)
         return
-    w, h, up = (float(rng.uniform(*span)) for span in ((0.9, min(2.6, 0.6 * length)), (1.0, height - 1.3), (0.6, 1.0)))
-    x = float(rng.uniform(-0.5, 0.5)) * (length - w - 0.6)
+    w, h, up = (rng.uniform(*span) for span in ((0.9, min(2.6, 0.6 * length)), (1.0, height - 1.3), (0.6, 1.0)))
+    x = rng.uniform(-0.5, 0.5) * (length - w - 0.6)
     left, right = length / 2 + x - w / 2, length / 2 - x - w / 2
     builder.box((-length / 2 + left / 2, 0, middle), (left, height, THICK_M), material)
     builder.box((length / 2 - right / 2, 0, middle), (right, height, THICK_M), material)
@@ -27,7 +27,7 @@ def wall(plan: FloorPlan, length: float, height: float, material: Material, wind
     builder.box((x, up + h, middle), (w, height - up - h, THICK_M), material)
     frame = plan.palette.paint(saturation=(0, 0.2), value=(0.7, 0.97))
     builder.box((x, up - 0.05, 0), (w + 0.2, 0.05, 0.35), frame)
-    panes = int(rng.integers(1, 4))
+    panes = rng.integers(1, 4)
     for n in range(panes + 1):
         builder.box((x - w / 2 + w * n / panes, up, middle), (0.06, h, 0.07), frame)
     for level in (up, up + 0.5 * h, up + h - 0.05):
@@ -58,7 +58,7 @@ def furnish_wall(plan: FloorPlan, length: float, height: float) -> None:
             with builder.at(x + 0.6, 0), builder.group():
                 picture(builder, palette, rng)
             x += 1.2
-        x += float(rng.uniform(0.1, 0.7))
+        x += rng.uniform(0.1, 0.7)
 
 
 def ceiling(plan: FloorPlan, left: float, right: float, far: float, height: float) -> None:
@@ -73,7 +73,7 @@ def ceiling(plan: FloorPlan, left: float, right: float, far: float, height: floa
             for n in range(int(far) + 1):
                 builder.box((middle, height - 0.16, 0.4 + n), (width, 0.16, 0.14), beam)
         if rng.random() < 0.6:
-            x, z = float(rng.uniform(-1, 1)), float(rng.uniform(3, far - 1))
+            x, z = rng.uniform(-1, 1), rng.uniform(3, far - 1)
             builder.tube((x, height - 0.6, z), 0.6, 0.01, palette.paint(value=(0.1, 0.2)))
             builder.tube((x, height - 0.85, z), 0.25, 0.28, palette("cloth", "metal").with_tint(1.2), 0.1)
 
@@ -81,10 +81,10 @@ def ceiling(plan: FloorPlan, left: float, right: float, far: float, height: floa
 def window_view(plan: FloorPlan, far: float) -> None:
     """What one sees through a window: ground some metres below, houses and the sky."""
     builder, rng = plan.builder, plan.rng
-    with builder.group(casts=False), builder.at(0, 0, 0, -float(rng.choice((0.4, 3.0, 6.0)))):
+    with builder.group(casts=False), builder.at(0, 0, 0, -rng.choice((0.4, 3.0, 6.0))):
         builder.panel((0, 0, 0), (800, 800), plan.palette("grass", "asphalt"))
         if rng.random() < 0.7:
-            with builder.at(0, far + float(rng.uniform(10, 25))):
+            with builder.at(0, far + rng.uniform(10, 25)):
                 row(builder, plan.palette, rng, -20, 20)
 
 
@@ -92,17 +92,17 @@ def lay_rug(plan: FloorPlan) -> None:
     """A rug in the middle, at times."""
     rng = plan.rng
     if rng.random() < 0.6:
-        x = float(rng.uniform(-0.8, 0.8))
-        size = (float(rng.uniform(1.5, 2.6)), 0.012, float(rng.uniform(1.2, 2)))
+        x = rng.uniform(-0.8, 0.8)
+        size = (rng.uniform(1.5, 2.6), 0.012, rng.uniform(1.2, 2))
         plan.builder.box((x, 0, 3), size, plan.palette("cloth"))
 
 
 def stand_pillar(plan: FloorPlan, left: float, right: float, far: float, height: float) -> None:
     """A pillar from floor to ceiling, at times, where there is room for one."""
     builder, rng = plan.builder, plan.rng
-    if not int(rng.integers(0, 2)):
+    if not rng.integers(0, 2):
         return
-    x, z = float(rng.uniform(left + 0.4, right - 0.4)), float(rng.uniform(3.8, far - 0.6))
+    x, z = rng.uniform(left + 0.4, right - 0.4), rng.uniform(3.8, far - 0.6)
     if plan.is_free(x, z, 0.3):
         with builder.group():
             builder.tube((x, 0, z), height, 0.17, plan.palette("plaster", "stones", "wood"))
@@ -112,7 +112,7 @@ def room(plan: FloorPlan) -> None:
     """Four walls, a floor, furniture along the walls and objects between, with the object of interest."""
     builder, palette, rng = plan.builder, plan.palette, plan.rng
     spans = ((2.9, 4.3), (2.9, 4.3), (4.4, 7.5), (2.45, 3.1))
-    left, right, far, height = (float(rng.uniform(*span)) for span in spans)
+    left, right, far, height = (rng.uniform(*span) for span in spans)
     left, near = -left, -1.3
     middle, width, depth = (left + right) / 2, right - left, far - near
     paper = palette("plaster", "plaster", "cloth", "bricks", "planks", "stones")
@@ -137,5 +137,5 @@ def room(plan: FloorPlan) -> None:
     lay_rug(plan)
     stand_pillar(plan, left, right, far, height)
     names = [*ROOM_PROPS, "table", "chair", "chair", "divider"]
-    plan.scatter(ROOM_PROPS, names, int(rng.integers(5, 12)), (left + 0.4, right - 0.4), (2.4, far - 0.7))
+    plan.scatter(ROOM_PROPS, names, (5, 12), (left + 0.4, right - 0.4), (2.4, far - 0.7))
     plan.place_object(ROOM_OBJECTS, (1.0, 1.6))

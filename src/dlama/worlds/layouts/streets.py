@@ -28,12 +28,12 @@ def facade(plan: FloorPlan, x: float, z: float, yaw: float, left: float, right: 
 def markings(plan: FloorPlan, z: float) -> None:
     """Lines on the road, 3 mm thick: a dashed middle line, a zebra crossing or parking bays."""
     builder, rng, paint = plan.builder, plan.rng, plan.palette("plain").with_tint(0.9)
-    kind = int(rng.integers(4))
+    kind = rng.integers(4)
     if kind == 0:
         for n in range(-6, 7):
-            builder.box((2.4 * n + float(rng.uniform(0, 0.1)), 0, z), (1.3, 0.003, 0.12), paint)
+            builder.box((2.4 * n + rng.uniform(0, 0.1), 0, z), (1.3, 0.003, 0.12), paint)
     elif kind == 1:
-        x = float(rng.uniform(-4, 4))
+        x = rng.uniform(-4, 4)
         for n in range(7):
             builder.box((x + 0.75 * (n - 3), 0, z), (0.42, 0.003, 2.4), paint)
     elif kind == 2:
@@ -45,46 +45,46 @@ def square(plan: FloorPlan) -> None:
     """Houses across the street, at times round three sides."""
     rng = plan.rng
     ground(plan, "asphalt", "paving", "paving", "gravel")
-    far, walk = float(rng.uniform(6, 11.5)), float(rng.uniform(1.0, 2.4))
-    sides = [float(rng.uniform(5.5, 11)) if rng.random() < 0.65 else 0.0 for _ in range(2)]
+    far, walk = rng.uniform(6, 11.5), rng.uniform(1.0, 2.4)
+    sides = [rng.uniform(5.5, 11) if rng.random() < 0.65 else 0.0 for _ in range(2)]
     left, right = sides[0] or 22.0, sides[1] or 22.0
     facade(plan, 0, far, 0, -left - 1, right + 1, walk)
     if sides[0]:
-        facade(plan, -left, 0, 90, -7, far - float(rng.choice((0, 4))), 0)
+        facade(plan, -left, 0, 90, -7, far - rng.choice((0, 4)), 0)
     if sides[1]:
-        facade(plan, right, 0, -90, -far + float(rng.choice((0, 4))), 7, 0)
-    markings(plan, float(rng.uniform(3.5, max(3.6, far - walk - 0.5))))
+        facade(plan, right, 0, -90, -far + rng.choice((0, 4)), 7, 0)
+    markings(plan, rng.uniform(3.5, max(3.6, far - walk - 0.5)))
     names = [*STREET_PROPS, "tree", "lamp", "planter", "bench", "bin", "bollard"]
-    plan.scatter(STREET_PROPS, names, int(rng.integers(6, 14)), (-min(left, 9) + 0.5, min(right, 9) - 0.5), (3.2, far))
+    plan.scatter(STREET_PROPS, names, (6, 14), (-min(left, 9) + 0.5, min(right, 9) - 0.5), (3.2, far))
 
 
 def canyon(plan: FloorPlan) -> None:
     """A street between two rows of houses, closed at its far end or open to the sky."""
     rng = plan.rng
     ground(plan, "asphalt", "asphalt", "paving")
-    left, right, end = (float(rng.uniform(*span)) for span in ((3.6, 7), (3.6, 7), (14, 34)))
-    walk = float(rng.uniform(0.9, 1.5))
+    left, right, end = (rng.uniform(*span) for span in ((3.6, 7), (3.6, 7), (14, 34)))
+    walk = rng.uniform(0.9, 1.5)
     facade(plan, -left, 0, 90, -8, end, walk)
     facade(plan, right, 0, -90, -end, 8, walk)
     if rng.random() < 0.6:
         facade(plan, 0, end + 3, 0, -12, 12, 0)
-    with plan.builder.at(float(rng.uniform(-0.5, 0.5)), 0, 90):
+    with plan.builder.at(rng.uniform(-0.5, 0.5), 0, 90):
         markings(plan, 0.0)
     names = [*STREET_PROPS, "lamp", "tree", "bin", "bollard", "planter", "car"]
-    plan.scatter(STREET_PROPS, names, int(rng.integers(8, 18)), (-left + 0.3, right - 0.3), (3.0, 14))
+    plan.scatter(STREET_PROPS, names, (8, 18), (-left + 0.3, right - 0.3), (3.0, 14))
 
 
 def park(plan: FloorPlan) -> None:
     """A lawn with a path, trees and benches; houses far behind."""
     rng, builder, palette = plan.rng, plan.builder, plan.palette
     ground(plan, "grass", "grass", "gravel")
-    with builder.at(float(rng.uniform(-1.5, 1.5)), 3, float(rng.uniform(-70, 70))):
-        builder.box((0, 0, 0), (float(rng.uniform(1.6, 3)), 0.012, 60), palette("gravel", "paving", "asphalt"))
-    far = float(rng.uniform(11, 26))
-    facade(plan, 0, far, float(rng.uniform(-15, 15)), -26, 26, 1.5)
+    with builder.at(rng.uniform(-1.5, 1.5), 3, rng.uniform(-70, 70)):
+        builder.box((0, 0, 0), (rng.uniform(1.6, 3), 0.012, 60), palette("gravel", "paving", "asphalt"))
+    far = rng.uniform(11, 26)
+    facade(plan, 0, far, rng.uniform(-15, 15), -26, 26, 1.5)
     if rng.random() < 0.7:
-        z = float(rng.uniform(5.5, 10))
-        with builder.at(0, z, float(rng.uniform(-12, 12))), builder.group():
+        z = rng.uniform(5.5, 10)
+        with builder.at(0, z, rng.uniform(-12, 12)), builder.group():
             yard_wall(builder, palette, rng, -14, 14)
         plan.building_row(0, z, 0, -14, 14)
     names = [
@@ -102,14 +102,14 @@ def park(plan: FloorPlan) -> None:
         "bin",
         "bicycle",
     ]
-    plan.scatter(STREET_PROPS, names, int(rng.integers(10, 20)), (-10, 10), (1.5, min(far - 1, 13)))
+    plan.scatter(STREET_PROPS, names, (10, 20), (-10, 10), (1.5, min(far - 1, 13)))
 
 
 def yard(plan: FloorPlan) -> None:
     """A yard between a house and walls, with containers and goods."""
     rng, builder, palette = plan.rng, plan.builder, plan.palette
     ground(plan, "asphalt", "paving", "gravel")
-    far, left, right = (float(rng.uniform(*span)) for span in ((5.5, 9), (4.2, 8), (4.2, 8)))
+    far, left, right = (rng.uniform(*span) for span in ((5.5, 9), (4.2, 8), (4.2, 8)))
     facade(plan, 0, far, 0, -left - 0.5, right + 0.5, 0)
     for x, yaw, low, high in ((-left, 90, -7.0, far), (right, -90, -far, 7.0)):
         plan.building_row(x, 0, yaw, low, high)
@@ -118,8 +118,8 @@ def yard(plan: FloorPlan) -> None:
                 row(builder, palette, rng, low, high)
             else:
                 yard_wall(builder, palette, rng, low, high)
-    facade(plan, 0, float(rng.uniform(24, 34)), 0, -34, 34, 0)
-    markings(plan, float(rng.uniform(3.2, far - 1)))
+    facade(plan, 0, rng.uniform(24, 34), 0, -34, 34, 0)
+    markings(plan, rng.uniform(3.2, far - 1))
     names = [
         "dumpster",
         "crates",
@@ -134,37 +134,37 @@ def yard(plan: FloorPlan) -> None:
         "advert",
         "crates",
     ]
-    plan.scatter(STREET_PROPS, names, int(rng.integers(7, 14)), (-left, right), (3, far))
+    plan.scatter(STREET_PROPS, names, (7, 14), (-left, right), (3, far))
 
 
 def corner(plan: FloorPlan) -> None:
     """The corner of a block between two streets."""
     rng, builder = plan.rng, plan.builder
     ground(plan, "asphalt", "paving")
-    x, z, yaw = (float(rng.uniform(*span)) for span in ((-2.5, 2.5), (6, 9), (30, 60)))
-    walk = float(rng.uniform(1, 1.6))
+    x, z, yaw = (rng.uniform(*span) for span in ((-2.5, 2.5), (6, 9), (30, 60)))
+    walk = rng.uniform(1, 1.6)
     facade(plan, x, z, yaw, 0, 16, walk)
     facade(plan, x, z, yaw - 90, -16, 0, walk)
-    facade(plan, -float(rng.uniform(9, 13)), 0, 90, -6, 26, 0)
-    facade(plan, float(rng.uniform(9, 13)), 0, -90, -26, 6, 0)
-    with builder.at(float(rng.uniform(-4, 4)), 3, float(rng.uniform(-50, 50))):
+    facade(plan, -rng.uniform(9, 13), 0, 90, -6, 26, 0)
+    facade(plan, rng.uniform(9, 13), 0, -90, -26, 6, 0)
+    with builder.at(rng.uniform(-4, 4), 3, rng.uniform(-50, 50)):
         markings(plan, 0.0)
-    plan.scatter(STREET_PROPS, [*STREET_PROPS, "lamp", "tree", "car"], int(rng.integers(7, 15)), (-9, 9), (3, 10))
+    plan.scatter(STREET_PROPS, [*STREET_PROPS, "lamp", "tree", "car"], (7, 15), (-9, 9), (3, 10))
 
 
 def shed(plan: FloorPlan) -> None:
     """One free-standing house on open ground, few objects round it, much sky."""
     rng, builder = plan.rng, plan.builder
     ground(plan, "grass", "gravel", "asphalt")
-    far, width = float(rng.uniform(6, 10)), float(rng.uniform(5, 9))
-    x, yaw = float(rng.uniform(-2, 2)), float(rng.uniform(-25, 25))
+    far, width = rng.uniform(6, 10), rng.uniform(5, 9)
+    x, yaw = rng.uniform(-2, 2), rng.uniform(-25, 25)
     plan.building_row(x, far, yaw, -width / 2, width / 2)
     with builder.at(x, far, yaw), builder.group():
         house(builder, plan.palette, rng, width)
     for side in (-1, 1):
         if rng.random() < 0.6:
-            facade(plan, side * float(rng.uniform(14, 20)), 8, -90.0 * side, -14, 14, 0)
-    plan.scatter(STREET_PROPS, [*STREET_PROPS, "tree", "bush", "hedge"], int(rng.integers(8, 16)), (-10, 10), (1.5, 14))
+            facade(plan, side * rng.uniform(14, 20), 8, -90.0 * side, -14, 14, 0)
+    plan.scatter(STREET_PROPS, [*STREET_PROPS, "tree", "bush", "hedge"], (8, 16), (-10, 10), (1.5, 14))
 
 
 LAYOUTS: tuple[Callable[[FloorPlan], None], ...] = (square, square, canyon, park, yard, corner, shed)
@@ -172,5 +172,5 @@ LAYOUTS: tuple[Callable[[FloorPlan], None], ...] = (square, square, canyon, park
 
 def street(plan: FloorPlan) -> None:
     """One of the layouts, with the object of interest."""
-    LAYOUTS[int(plan.rng.integers(len(LAYOUTS)))](plan)
+    LAYOUTS[plan.rng.integers(len(LAYOUTS))](plan)
     plan.place_object(STREET_OBJECTS, (0.95, 1.35))

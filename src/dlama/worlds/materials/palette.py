@@ -38,7 +38,7 @@ class MaterialKind(NamedTuple):
 
 def _plaster(rng: Generator) -> UInt8Array:
     base = textures.color(rng, (0.0, 0.17), (0.02, 0.4), (0.65, 0.92))
-    return textures.rough_surface(rng, base, float(rng.uniform(0.04, 0.16)), float(rng.uniform(0.02, 0.12)))
+    return textures.rough_surface(rng, base, rng.uniform(0.04, 0.16), rng.uniform(0.02, 0.12))
 
 
 def _concrete(rng: Generator) -> UInt8Array:
@@ -110,7 +110,7 @@ class Palette:
             layer = self._builder.layer(panels.photo(picture))
             if kind.mode == FIT:
                 return Material(layer, mode=FIT)
-            metres = float(rng.uniform(*kind.metres))
+            metres = rng.uniform(*kind.metres)
             return Material(layer, (metres, metres), MIRROR)
         layer = self._builder.layer(kind.draw(rng))
         return Material(layer, (kind.tile, kind.tile), kind.mode, stain=kind.stain, cut=kind.cut)

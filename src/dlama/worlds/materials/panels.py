@@ -55,10 +55,10 @@ def glass(rng: Generator) -> UInt8Array:
 def window(rng: Generator) -> UInt8Array:
     """A frame, panes, and at times curtains or a blind."""
     canvas = glass(rng)
-    frame, width = paint_color(rng), float(rng.uniform(0.035, 0.07))
+    frame, width = paint_color(rng), rng.uniform(0.035, 0.07)
     kind = rng.random()
     if kind < 0.35:
-        drape, share = color(rng, (0, 1), (0.05, 0.5), (0.5, 0.9)), float(rng.uniform(0.12, 0.3))
+        drape, share = color(rng, (0, 1), (0.05, 0.5), (0.5, 0.9)), rng.uniform(0.12, 0.3)
         folds = (0.75 + 0.25 * np.sin(np.arange(SIDE) * 0.35))[None, :, None] * np.array(drape)
         for left in (0, int((1 - share) * SIDE)):
             canvas[:, left : left + int(share * SIDE), :3] = folds[:, left : left + int(share * SIDE)]
@@ -108,13 +108,13 @@ def poster(rng: Generator) -> UInt8Array:
         ink = (*color(rng, (0, 1), (0.2, 0.9), (0.2, 1.0)), 255)
         x, y, r, q = (int(n) for n in rng.integers((0, 60, 10, 10), (SIDE, 200, 70, 70)))
         if rng.random() < 0.5:
-            cv2.ellipse(canvas, (x, y), (r, q), float(rng.uniform(0, 180)), 0, 360, ink, -1, cv2.LINE_AA)
+            cv2.ellipse(canvas, (x, y), (r, q), rng.uniform(0, 180), 0, 360, ink, -1, cv2.LINE_AA)
         else:
             corners = np.array([(x, y)]) + rng.integers(-70, 70, (int(rng.integers(3, 6)), 2))
             cv2.fillPoly(canvas, [corners.astype(np.int32)], ink, cv2.LINE_AA)
     letters(rng, canvas, 46, 1.6)
     for y in range(214, 246, 10):
-        box(canvas, 0.1, y / SIDE, float(rng.uniform(0.4, 0.8)), 0.014, (40, 40, 45))
+        box(canvas, 0.1, y / SIDE, rng.uniform(0.4, 0.8), 0.014, (40, 40, 45))
     return canvas
 
 
@@ -143,9 +143,9 @@ def shop(rng: Generator) -> UInt8Array:
     for shelf in (0.35, 0.62, 0.9):
         x = 0.06
         while x < 0.9:
-            w, h = float(rng.uniform(0.03, 0.12)), float(rng.uniform(0.06, 0.22))
+            w, h = rng.uniform(0.03, 0.12), rng.uniform(0.06, 0.22)
             box(canvas, x, shelf - h, w, h, color(rng, (0, 1), (0.2, 0.8), (0.25, 0.85)))
-            x += w + float(rng.uniform(0.01, 0.08))
+            x += w + rng.uniform(0.01, 0.08)
         box(canvas, 0.04, shelf, 0.92, 0.02, (90, 80, 70))
     cv2.rectangle(canvas, (0, 0), (SIDE - 1, SIDE - 1), (*paint_color(rng), 255), 14)
     return canvas
@@ -158,7 +158,7 @@ def books(rng: Generator) -> UInt8Array:
     for shelf in range(4):
         x = 0.03
         while x < 0.93:
-            w, h = float(rng.uniform(0.015, 0.05)), float(rng.uniform(0.13, 0.2))
+            w, h = rng.uniform(0.015, 0.05), rng.uniform(0.13, 0.2)
             if rng.random() < 0.9:
                 box(canvas, x, 0.235 + 0.245 * shelf - h, w, h, color(rng, (0, 1), (0.1, 0.75), (0.2, 0.85)))
             x += w + 0.004
@@ -196,7 +196,7 @@ def machine(rng: Generator) -> UInt8Array:
     for k in range(1, int(rng.integers(2, 4))):
         box(canvas, 0, k / 3, 1, 0.012, ink)
     cv2.rectangle(canvas, (3, 3), (SIDE - 4, SIDE - 4), (*ink, 255), 4)
-    x, y = float(rng.uniform(0.1, 0.6)), float(rng.uniform(0.1, 0.6))
+    x, y = rng.uniform(0.1, 0.6), rng.uniform(0.1, 0.6)
     box(canvas, x, y, 0.28, 0.18, color(rng, (0, 1), (0.0, 0.8), (0.6, 1)))
     box(canvas, x + 0.03, y + 0.05, 0.2, 0.03, (30, 30, 30))
     box(canvas, x + 0.03, y + 0.1, 0.14, 0.03, (30, 30, 30))

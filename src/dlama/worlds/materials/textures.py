@@ -49,7 +49,7 @@ def noise(rng: Generator, kind: int) -> Float32Array:
 
 def color(rng: Generator, hue: Range, saturation: Range, value: Range) -> Rgb:
     """A random sRGB colour (0..255) from ranges of hue (0..1, may pass 1), saturation and value."""
-    h, s, v = (float(rng.uniform(*span)) for span in (hue, saturation, value))
+    h, s, v = (rng.uniform(*span) for span in (hue, saturation, value))
     red, green, blue = colorsys.hsv_to_rgb(h % 1, s, v)
     return 255 * red, 255 * green, 255 * blue
 
@@ -151,14 +151,14 @@ def bricks(rng: Generator) -> UInt8Array:
         ((0.0, 1.0), (0.03, 0.15), (0.6, 0.85)),
     ][int(rng.choice(4, p=(0.5, 0.2, 0.15, 0.15)))]
     mortar = color(rng, (0.05, 0.15), (0, 0.15), (0.35, 0.8))
-    return courses(rng, 24, 8, 0.1, color(rng, hue, saturation, value), mortar, spread=float(rng.uniform(0.08, 0.22)))
+    return courses(rng, 24, 8, 0.1, color(rng, hue, saturation, value), mortar, spread=rng.uniform(0.08, 0.22))
 
 
 def stones(rng: Generator) -> UInt8Array:
     """Hewn blocks of grey, sand or brown stone."""
     base = color(rng, (0.05, 0.13), (0.05, 0.35), (0.5, 0.78))
     rows = int(rng.choice((6, 8, 10)))
-    shift = float(rng.uniform(0.3, 0.5))
+    shift = rng.uniform(0.3, 0.5)
     return courses(rng, rows, rows // 2, 0.05, base, tuple(0.6 * c for c in base), bond=shift, spread=0.12, wobble=0.03)  # type: ignore[arg-type]
 
 
@@ -228,7 +228,7 @@ def cloth(rng: Generator) -> UInt8Array:
 
 def leaves(rng: Generator, *, gaps: bool) -> UInt8Array:
     """Foliage: leaves over each other, the lower ones darker; with gaps one sees through (alpha 0)."""
-    hue, autumn = float(rng.uniform(0.2, 0.36)), rng.random() < 0.15
+    hue, autumn = rng.uniform(0.2, 0.36), rng.random() < 0.15
     count = 420 if gaps else 700
     at, angle = rng.integers(0, SIDE, (count, 2)), rng.uniform(0, 360, count)
     length = rng.uniform(5, 13, count)

@@ -15,24 +15,23 @@ FLOOR_M = 2.9
 
 def house(builder: SceneBuilder, palette: Palette, rng: Generator, width: float) -> float:
     """A house with windows, a door or shops, a cornice and a roof; returns its height in metres."""
-    floors = int(rng.integers(1, 5))
+    floors = rng.integers(1, 5)
     height = 0.4 + FLOOR_M * floors
     wall = palette("bricks", "bricks", "plaster", "stones", "concrete", "planks")
+    painted = rng.random() >= 0.6
     trim = (
-        palette("concrete", "plaster", "stones")
-        if rng.random() < 0.6
-        else palette.paint(saturation=(0, 0.3), value=(0.5, 0.95))
+        palette.paint(saturation=(0, 0.3), value=(0.5, 0.95)) if painted else palette("concrete", "plaster", "stones")
     )
     depth = 6.0
     builder.box((0, 0, depth / 2), (width, height, depth), wall)
     if rng.random() < 0.7:
-        builder.box((0, 0, depth / 2), (width + 0.08, float(rng.uniform(0.35, 0.8)), depth + 0.08), trim)
+        builder.box((0, 0, depth / 2), (width + 0.08, rng.uniform(0.35, 0.8), depth + 0.08), trim)
     if rng.random() < 0.7:
         builder.box((0, height - 0.3, depth / 2), (width + 0.3, 0.32, depth + 0.3), trim)
     shops = rng.random() < 0.3
     ground_floor(builder, palette, rng, width, trim, shops)
-    columns = max(1, round(width / float(rng.uniform(1.7, 3.2))))
-    size = (float(rng.uniform(0.8, 1.3)), float(rng.uniform(1.1, 1.7)))
+    columns = max(1, round(width / rng.uniform(1.7, 3.2)))
+    size = (rng.uniform(0.8, 1.3), rng.uniform(1.1, 1.7))
     shutters = palette.paint(saturation=(0.2, 0.7), value=(0.2, 0.6)) if rng.random() < 0.3 else None
     glass = palette("window", spread=0.05)
     for floor in range(1, floors):
@@ -42,11 +41,11 @@ def house(builder: SceneBuilder, palette: Palette, rng: Generator, width: float)
         if rng.random() < 0.25:
             builder.box((0, FLOOR_M * floor + 0.2, 0), (width + 0.1, 0.12, 0.2), trim)
         if rng.random() < 0.15:
-            balcony(builder, palette, width * float(rng.uniform(-0.25, 0.25)), FLOOR_M * floor + 0.25)
+            balcony(builder, palette, width * rng.uniform(-0.25, 0.25), FLOOR_M * floor + 0.25)
     roof(builder, palette, rng, width, depth, height)
     if rng.random() < 0.5:
         builder.tube(
-            (0.48 * width * float(rng.choice((-1, 1))), 0, -0.06), height - 0.3, 0.06, palette("metal").with_tint(0.6)
+            (0.48 * width * rng.choice((-1, 1)), 0, -0.06), height - 0.3, 0.06, palette("metal").with_tint(0.6)
         )
     return height
 
@@ -73,8 +72,8 @@ def ground_floor(
     builder: SceneBuilder, palette: Palette, rng: Generator, width: float, trim: Material, shops: bool
 ) -> None:
     """Shops under awnings, or a door between windows."""
-    bays = max(1, round(width / float(rng.uniform(2.2, 3.6))))
-    entrance = int(rng.integers(bays))
+    bays = max(1, round(width / rng.uniform(2.2, 3.6)))
+    entrance = rng.integers(bays)
     for bay in range(bays):
         x, w = width * ((bay + 0.5) / bays - 0.5), 0.8 * width / bays
         if bay == entrance:
@@ -89,7 +88,7 @@ def ground_floor(
         elif rng.random() < 0.9:
             opening(builder, (x, 0.95, 0), (min(w, 1.3), 1.35), palette("window", spread=0.05), trim, None)
     if rng.random() < 0.35:
-        builder.box((width * float(rng.uniform(-0.4, 0.4)), 1.4, 0), (0.6, 0.8, 0.06), palette("poster"))
+        builder.box((width * rng.uniform(-0.4, 0.4), 1.4, 0), (0.6, 0.8, 0.06), palette("poster"))
 
 
 def porch(builder: SceneBuilder, palette: Palette, rng: Generator, x: float, trim: Material) -> None:
@@ -119,31 +118,31 @@ def roof(builder: SceneBuilder, palette: Palette, rng: Generator, width: float, 
     """A pitched roof with a chimney, or a flat one with a parapet."""
     if rng.random() < 0.55:
         tile = palette("stones", "planks", "metal").with_tint(*palette.paint((0.98, 1.1), (0.2, 0.6), (0.5, 0.85)).tint)
-        rise = float(rng.uniform(25, 42))
+        rise = rng.uniform(25, 42)
         builder.box((0, height + 0.2, 0.22 * depth), (width + 0.4, 0.14, 0.75 * depth), tile, (0, rise, 0))
         if rng.random() < 0.6:
-            x = width * float(rng.uniform(-0.35, 0.35))
-            builder.box((x, height, 0.35 * depth), (0.7, float(rng.uniform(1.8, 2.6)), 0.6), palette("bricks"))
+            x = width * rng.uniform(-0.35, 0.35)
+            builder.box((x, height, 0.35 * depth), (0.7, rng.uniform(1.8, 2.6), 0.6), palette("bricks"))
     else:
-        builder.box((0, height, 0.15), (width, float(rng.uniform(0.2, 0.6)), 0.3), palette("concrete", "bricks"))
+        builder.box((0, height, 0.15), (width, rng.uniform(0.2, 0.6), 0.3), palette("concrete", "bricks"))
 
 
 def row(builder: SceneBuilder, palette: Palette, rng: Generator, left: float, right: float) -> None:
     """Houses side by side from x = left to x = right, fronts near z = 0, at times with a gap between them."""
     x = left
     while x < right - 1.5:
-        width = min(float(rng.uniform(4, 9)), right - x)
+        width = min(rng.uniform(4, 9), right - x)
         if rng.random() < 0.12 and left < x < right - 6:
-            x += float(rng.uniform(1.2, 3))
+            x += rng.uniform(1.2, 3)
             continue
-        with builder.at(x + width / 2, float(rng.choice((0, 0, 0.25, -0.2, 0.6)))), builder.group():
+        with builder.at(x + width / 2, rng.choice((0, 0, 0.25, -0.2, 0.6))), builder.group():
             house(builder, palette, rng, width - 0.02)
         x += width
 
 
 def yard_wall(builder: SceneBuilder, palette: Palette, rng: Generator, left: float, right: float) -> None:
     """A garden or yard wall with a coping and pillars, or a fence one sees through, along z = 0."""
-    height, length = float(rng.uniform(0.9, 2.3)), right - left
+    height, length = rng.uniform(0.9, 2.3), right - left
     if rng.random() < 0.35:
         panel = palette("fence")
         builder.panel(((left + right) / 2, 0.65, 0), (length, 1.3), panel, (0, -90, 0))

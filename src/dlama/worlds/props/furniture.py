@@ -21,24 +21,22 @@ def legs(builder: SceneBuilder, leg: Material, w: float, d: float, height: float
 
 def table(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A table, square or round, with a few objects on it."""
-    top, height = palette("wood"), float(rng.uniform(0.45, 0.78))
-    w, d = float(rng.uniform(0.8, 1.5)), float(rng.uniform(0.6, 0.9))
+    top, height = palette("wood"), rng.uniform(0.45, 0.78)
+    w, d = rng.uniform(0.8, 1.5), rng.uniform(0.6, 0.9)
     if rng.random() < 0.3:
         builder.tube((0, 0, 0), height, 0.05, top)
         builder.tube((0, height, 0), 0.04, 0.5, top)
     else:
         builder.box((0, height, 0), (w, 0.04, d), top)
         legs(builder, top.with_tint(0.8), w, d, height)
-    for _ in range(int(rng.integers(1, 5))):
-        with builder.at(
-            float(rng.uniform(-0.28, 0.28)), float(rng.uniform(-0.2, 0.2)), float(rng.uniform(0, 90)), height + 0.04
-        ):
+    for _ in range(rng.integers(1, 5)):
+        with builder.at(rng.uniform(-0.28, 0.28), rng.uniform(-0.2, 0.2), rng.uniform(0, 90), height + 0.04):
             trinket(builder, palette, rng)
 
 
 def trinket(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A vase, a ball, a book or a cup."""
-    paint, kind = palette.paint(saturation=(0.2, 0.9), value=(0.3, 0.95)), int(rng.integers(4))
+    paint, kind = palette.paint(saturation=(0.2, 0.9), value=(0.3, 0.95)), rng.integers(4)
     if kind == 0:
         builder.tube((0, 0, 0), 0.12, 0.05, paint, 0.09)
         builder.tube((0, 0.12, 0), 0.12, 0.09, paint, 0.04)
@@ -74,7 +72,7 @@ def stool(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 
 def sofa(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A sofa or an armchair with cushions; its back at z = 0."""
-    cloth, seats = palette("cloth"), int(rng.integers(1, 4))
+    cloth, seats = palette("cloth"), rng.integers(1, 4)
     w = 0.7 * seats + 0.3
     builder.box((0, 0.08, -0.45), (w, 0.32, 0.85), cloth)
     builder.box((0, 0.35, -0.12), (w, 0.5, 0.22), cloth)
@@ -84,12 +82,12 @@ def sofa(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
         x = 0.7 * (n - (seats - 1) / 2)
         builder.ball((x, 0.46, -0.5), (0.34, 0.1, 0.34), cloth.with_tint(1.1))
         if rng.random() < 0.6:
-            builder.ball((x, 0.66, -0.3), (0.22, 0.2, 0.1), palette("cloth"), (0, 15, float(rng.uniform(-30, 30))))
+            builder.ball((x, 0.66, -0.3), (0.22, 0.2, 0.1), palette("cloth"), (0, 15, rng.uniform(-30, 30)))
 
 
 def shelf(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """An open shelf with books and small objects; its back at z = 0."""
-    board, w, height = palette("wood"), float(rng.uniform(0.7, 1.3)), float(rng.uniform(1.2, 2.1))
+    board, w, height = palette("wood"), rng.uniform(0.7, 1.3), rng.uniform(1.2, 2.1)
     for side in (-1, 1):
         builder.box((side * w / 2, 0, -0.15), (0.03, height, 0.3), board)
     builder.box((0, 0, -0.01), (w, height, 0.02), board.with_tint(0.6))
@@ -100,9 +98,9 @@ def shelf(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
         up = n * (height - 0.03) / count + 0.03
         x = -w / 2 + 0.03
         while x < w / 2 - 0.12:
-            width = float(rng.uniform(0.1, 0.4))
+            width = rng.uniform(0.1, 0.4)
             if x + width < w / 2 and rng.random() < 0.75:
-                h = float(rng.uniform(0.16, 0.28))
+                h = rng.uniform(0.16, 0.28)
                 builder.box(
                     (x + width / 2, up, -0.15), (width, h, 0.2), palette("books") if width > 0.2 else palette.paint()
                 )
@@ -112,7 +110,7 @@ def shelf(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 def cupboard(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A cupboard, chest or kitchen block with fronts; its back at z = 0."""
     body, front = palette("wood", "plain"), palette("door", "machine", "wood")
-    w, h, d = (float(v) for v in rng.uniform((0.8, 0.6, 0.4), (1.8, 2.1, 0.6)))
+    w, h, d = rng.uniform((0.8, 0.6, 0.4), (1.8, 2.1, 0.6))
     builder.box((0, 0, -d / 2), (w, h, d), body)
     count = max(1, round(w / 0.55))
     for n in range(count):
@@ -120,13 +118,13 @@ def cupboard(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
         builder.box((x, 0.06, -d), (w / count - 0.03, h - 0.1, 0.03), front)
         builder.ball((x + 0.3 * w / count, 0.5 * h, -d - 0.03), (0.02, 0.02, 0.02), palette("metal"))
     if h < 1.2:
-        with builder.at(float(rng.uniform(-0.3, 0.3)), -d / 2, 0, h):
+        with builder.at(rng.uniform(-0.3, 0.3), -d / 2, 0, h):
             trinket(builder, palette, rng)
 
 
 def bed(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A bed, its head at z = 0."""
-    timber, w = palette("wood"), float(rng.uniform(0.9, 1.6))
+    timber, w = palette("wood"), rng.uniform(0.9, 1.6)
     builder.box((0, 0.1, -1.0), (w, 0.2, 2.0), timber)
     builder.box((0, 0.3, -1.0), (w - 0.04, 0.2, 1.96), palette.paint(saturation=(0, 0.1), value=(0.8, 0.95)))
     builder.box((0, 0.32, -1.25), (w, 0.2, 1.5), palette("cloth"))
@@ -144,7 +142,7 @@ def screen(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 
 def floor_lamp(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A lamp on a stand under a shade."""
-    iron, height = palette("metal").with_tint(0.6), float(rng.uniform(1.1, 1.6))
+    iron, height = palette("metal").with_tint(0.6), rng.uniform(1.1, 1.6)
     builder.tube((0, 0, 0), 0.03, 0.16, iron)
     builder.tube((0, 0, 0), height, 0.018, iron)
     builder.tube((0, height - 0.05, 0), 0.3, 0.24, palette("cloth").with_tint(1.2), 0.14)
@@ -159,8 +157,8 @@ def basket(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 
 def ball(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A ball on the floor."""
-    r = float(rng.uniform(0.12, 0.34))
-    builder.ball((0, r, 0), (r, r, r), palette("cloth", "bands", "planks"), (float(rng.uniform(0, 360)), 30, 20))
+    r = rng.uniform(0.12, 0.34)
+    builder.ball((0, r, 0), (r, r, r), palette("cloth", "bands", "planks"), (rng.uniform(0, 360), 30, 20))
 
 
 def toy(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
@@ -176,7 +174,7 @@ def toy(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 
 def picture(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A framed picture on the wall behind z = 0."""
-    w, h, up = float(rng.uniform(0.4, 1.1)), float(rng.uniform(0.4, 0.9)), float(rng.uniform(1.2, 1.6))
+    w, h, up = rng.uniform(0.4, 1.1), rng.uniform(0.4, 0.9), rng.uniform(1.2, 1.6)
     builder.box((0, up - 0.04, 0), (w + 0.08, h + 0.08, 0.05), palette("wood"))
     builder.box((0, up, 0), (w, h, 0.07), palette("poster"))
 

@@ -24,19 +24,19 @@ STANDING = (0.0, -90.0, 0.0)
 
 def tree(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A trunk and a crown of leafy balls, one sees the sky through."""
-    height, radius = float(rng.uniform(1.5, 2.8)), float(rng.uniform(0.08, 0.2))
+    height, radius = rng.uniform(1.5, 2.8), rng.uniform(0.08, 0.2)
     bark, leaf = palette("wood").with_tint(0.35), palette("leaves")
     builder.tube((0, 0, 0), height + 0.8, radius, bark, 0.5 * radius)
-    spread = float(rng.uniform(0.7, 1.2))
-    for _ in range(int(rng.integers(5, 10))):
-        x, y, z = (float(n) for n in rng.normal(0, (0.5 * spread, 0.35, 0.5 * spread)))
-        r = float(rng.uniform(0.45, 0.85)) * spread
-        builder.ball((x, height + 0.8 + y, z), (r, 0.85 * r, r), leaf, (float(rng.uniform(0, 360)), 0, 0))
+    spread = rng.uniform(0.7, 1.2)
+    for _ in range(rng.integers(5, 10)):
+        x, y, z = rng.normal(0, (0.5 * spread, 0.35, 0.5 * spread))
+        r = rng.uniform(0.45, 0.85) * spread
+        builder.ball((x, height + 0.8 + y, z), (r, 0.85 * r, r), leaf, (rng.uniform(0, 360), 0, 0))
 
 
 def conifer(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A trunk under cones of needles."""
-    height = float(rng.uniform(2.2, 4.5))
+    height = rng.uniform(2.2, 4.5)
     builder.tube((0, 0, 0), 0.6, 0.1, palette("wood").with_tint(0.35))
     leaf = palette("hedge").with_tint(0.7, 0.8, 0.75)
     for n in range(4):
@@ -47,16 +47,16 @@ def conifer(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 def bush(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A few leafy balls on the ground."""
     leaf = palette("leaves", "hedge")
-    for _ in range(int(rng.integers(2, 5))):
-        r = float(rng.uniform(0.25, 0.5))
-        x, z = (float(n) for n in rng.uniform(-0.35, 0.35, 2))
-        builder.ball((x, 0.7 * r, z), (r, r, r), leaf, (float(rng.uniform(0, 360)), 0, 0))
+    for _ in range(rng.integers(2, 5)):
+        r = rng.uniform(0.25, 0.5)
+        x, z = rng.uniform(-0.35, 0.35, 2)
+        builder.ball((x, 0.7 * r, z), (r, r, r), leaf, (rng.uniform(0, 360), 0, 0))
 
 
 def hedge(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A clipped hedge."""
-    height = float(rng.uniform(0.5, 1.3))
-    builder.box((0, 0, 0), (float(rng.uniform(1.4, 2.4)), height, 0.6), palette("hedge"))
+    height = rng.uniform(0.5, 1.3)
+    builder.box((0, 0, 0), (rng.uniform(1.4, 2.4), height, 0.6), palette("hedge"))
 
 
 def planter(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
@@ -68,14 +68,14 @@ def planter(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
         builder.box((0, 0, 0), (0.8, 0.45, 0.45), pot)
     leaf = palette("leaves", "hedge")
     for _ in range(3):
-        x, z = (float(n) for n in rng.uniform(-0.15, 0.15, 2))
-        r = float(rng.uniform(0.2, 0.38))
-        builder.ball((x, 0.45 + 0.7 * r, z), (r, r, r), leaf, (float(rng.uniform(0, 360)), 0, 0))
+        x, z = rng.uniform(-0.15, 0.15, 2)
+        r = rng.uniform(0.2, 0.38)
+        builder.ball((x, 0.45 + 0.7 * r, z), (r, r, r), leaf, (rng.uniform(0, 360), 0, 0))
 
 
 def lamp(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A street lamp: an arm with a head, or a globe."""
-    iron, height = palette.paint((0.3, 0.6), (0, 0.3), (0.15, 0.4)), float(rng.uniform(2.8, 5))
+    iron, height = palette.paint((0.3, 0.6), (0, 0.3), (0.15, 0.4)), rng.uniform(2.8, 5)
     builder.tube((0, 0, 0), 0.4, 0.09, iron, 0.06)
     builder.tube((0, 0, 0), height, 0.05, iron, 0.035)
     if rng.random() < 0.5:
@@ -87,7 +87,7 @@ def lamp(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 
 def road_sign(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A post with a plate."""
-    height = float(rng.uniform(1.9, 2.6))
+    height = rng.uniform(1.9, 2.6)
     builder.tube((0, 0, 0), height, 0.035, palette("metal", spread=0).with_tint(0.6))
     if rng.random() < 0.5:
         builder.box((0, height - 0.65, -0.05), (0.6, 0.6, 0.02), palette("sign"))
@@ -159,12 +159,12 @@ def bench(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 def crates(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A heap of crates and cardboard boxes."""
     top = 0.0
-    for n in range(int(rng.integers(2, 5))):
-        w, h, d = (float(v) for v in rng.uniform((0.35, 0.25, 0.35), (0.75, 0.55, 0.65)))
-        x = float(rng.uniform(-0.12, 0.12))
-        builder.box((x, top, 0), (w, h, d), palette("crate"), (float(rng.uniform(-25, 25)), 0, 0))
+    for n in range(rng.integers(2, 5)):
+        w, h, d = rng.uniform((0.35, 0.25, 0.35), (0.75, 0.55, 0.65))
+        x = rng.uniform(-0.12, 0.12)
+        builder.box((x, top, 0), (w, h, d), palette("crate"), (rng.uniform(-25, 25), 0, 0))
         if n == 0 and rng.random() < 0.6:
-            builder.box((0.55, 0, -0.1), (0.4, 0.4, 0.4), palette("crate"), (float(rng.uniform(-40, 40)), 0, 0))
+            builder.box((0.55, 0, -0.1), (0.4, 0.4, 0.4), palette("crate"), (rng.uniform(-40, 40), 0, 0))
         top += h
         if top > 1.2:
             break
@@ -173,7 +173,7 @@ def crates(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 def pallet(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """Pallets with a load."""
     board = palette("wood")
-    for n in range(int(rng.integers(1, 4))):
+    for n in range(rng.integers(1, 4)):
         for x in (-0.4, -0.2, 0, 0.2, 0.4):
             builder.box((x, 0.14 * n + 0.09, 0), (0.13, 0.03, 0.9), board)
         for z in (-0.4, 0, 0.4):
@@ -208,9 +208,9 @@ def statue(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A pedestal with stacked round stones, or a ball."""
     stone = palette("stones", "concrete", "plaster")
     builder.box((0, 0, 0), (0.7, 0.25, 0.7), stone)
-    builder.box((0, 0.25, 0), (0.5, float(rng.uniform(0.2, 0.7)), 0.5), stone)
+    builder.box((0, 0.25, 0), (0.5, rng.uniform(0.2, 0.7), 0.5), stone)
     top = 0.7
-    for r in sorted((float(r) for r in rng.uniform(0.12, 0.34, int(rng.integers(1, 4)))), reverse=True):
+    for r in sorted(rng.uniform(0.12, 0.34, rng.integers(1, 4)), reverse=True):
         builder.ball((0, top + r, 0), (r, 1.15 * r, r), stone)
         top += 2 * r
 
@@ -241,7 +241,7 @@ def car(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A parked car or van along x."""
     body = palette.paint(saturation=(0, 0.85), value=(0.15, 0.95))
     glass, tyre = palette("window"), palette.paint((0, 1), (0, 0.1), (0.08, 0.14))
-    length, van = float(rng.uniform(3.6, 4.4)), rng.random() < 0.35
+    length, van = rng.uniform(3.6, 4.4), rng.random() < 0.35
     builder.box((0, 0.3, 0), (length, 0.55, 1.65), body)
     if van:
         builder.box((-0.2, 0.85, 0), (length - 0.7, 1.0, 1.6), body)
