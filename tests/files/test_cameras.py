@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -347,7 +346,7 @@ def test_a_distortion_is_warned_of(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("unit", [1, 1000])
-def test_the_yaml_of_a_pair(tmp_path: Path, unit: int) -> None:
+def test_the_yaml_of_a_pair(tmp_path: Path, unit: int, recwarn: pytest.WarningsRecorder) -> None:
     """Oracles: camera_info's convention, Tx = -fx B of the right camera; and what cv2.stereoRectify gives, in metres or
     millimetres, of two cameras 63 mm apart."""
     numbers = ", ".join(map(str, [500.0, 0, 319.5, -500 * 0.063, 0, 500.0, 239.5, 0, 0, 0, 1, 0]))
@@ -363,12 +362,10 @@ def test_the_yaml_of_a_pair(tmp_path: Path, unit: int) -> None:
     written.write("P1", P1)
     written.write("P2", P2)
     written.release()
-    with warnings.catch_warnings(record=True) as reported:
-        warnings.simplefilter("always")
-        of_opencv = read_stereo_calib(tmp_path / "cv.yml", hw=(480, 640))
+    of_opencv = read_stereo_calib(tmp_path / "cv.yml", hw=(480, 640))
     assert of_opencv.baseline_m == pytest.approx(0.063 * unit)
     assert of_opencv.left.fx == pytest.approx(P1[0, 0]) and of_opencv.left.cx == pytest.approx(P1[0, 2] + 0.5)
-    assert ["calib.txt counts millimetres" in str(one.message) for one in reported] == [True] * (unit == 1000)
+    assert ["calib.txt counts millimetres" in str(one.message) for one in recwarn] == [True] * (unit == 1000)
     left = f"{ROS}projection_matrix:\n  rows: 3\n  cols: 4\n  data: [500, 0, 319.5, 0, 0, 500, 239.5, 0, 0, 0, 1, 0]\n"
     for text, words in ((left, "no baseline, as the left camera's"), (ROS, "no projection matrices of 12 numbers")):
         with pytest.raises(CameraError, match=words):
