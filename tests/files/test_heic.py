@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pillow_heif
 import pytest
 from PIL import Image
 
@@ -13,7 +14,6 @@ from dlama.errors import CameraError, FileError, MissingExtraError
 from dlama.files.rasters.images import orientation_of, picture_hw, read_stored
 from dlama.files.rasters.pictures import read_color, read_color_of_camera
 
-pillow_heif = pytest.importorskip("pillow_heif", reason="pillow-heif is not installed (extra heic)")
 SHOWN = np.random.default_rng(0).integers(0, 256, (64, 96, 3), np.uint8)
 
 

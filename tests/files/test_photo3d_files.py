@@ -163,7 +163,6 @@ def test_open_pixels_are_not_black() -> None:
 
 def test_the_loop_ends_where_it_begins(photo: Photo3D, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As many pictures as are said, of the picture's size, each of them a stage, drawn once for both files."""
-    pytest.importorskip("av")
     monkeypatch.setattr(module, "LOOP_PICTURES", 6)
     stages = list[str]()
     with show_progress(stages.append):

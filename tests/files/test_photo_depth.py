@@ -81,7 +81,6 @@ def test_an_iphones_jpeg(tmp_path: Path) -> None:
 
 def test_an_iphones_heic(tmp_path: Path) -> None:
     """The same disparity, as a depth image of a HEIC file; a depth kind is metres."""
-    pytest.importorskip("pillow_heif", reason="pillow-heif is not installed (extra heic)")
     rgbd = own_rgbd(heic_with_depth(tmp_path / "IMG.HEIC", COLOR, CODES, APPLE))
     np.testing.assert_allclose(metres(rgbd)[:, 1:-1], (1 / (0.5 + 3.5 * PART))[:, 1:-1], rtol=0.01)
     assert (rgbd.estimate or {})["source"] == "HEIC, Apple disparity" and rgbd.camera.fx == 125
@@ -93,7 +92,6 @@ def test_an_iphones_heic(tmp_path: Path) -> None:
 
 def test_a_depth_image_that_says_nothing_is_not_used(tmp_path: Path) -> None:
     """Without SEI and XMP nobody knows what its numbers mean: estimated, with a line that says why."""
-    pytest.importorskip("pillow_heif", reason="pillow-heif is not installed (extra heic)")
     path = heic_with_depth(tmp_path / "IMG.HEIC", COLOR, CODES, packet(""))
     with pytest.raises(DepthError, match=r"IMG.HEIC: the depth image in it has no word of what its numbers mean"):
         read_photo_depth(path)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from pxr import Usd, UsdGeom, UsdValidation
 
 from dlama.errors import MissingExtraError
 from dlama.files.scenes.usdz import write_usdz
@@ -32,12 +33,9 @@ def part(x: float, channels: int) -> MeshPart:
 def test_what_is_read_back_is_what_was_written(tmp_path: Path) -> None:
     """Oracle: OpenUSD reads points in metres from the camera, y up, triangles counter-clockwise in front, texture coordinates
     with v up, and its validators find nothing; the soft part is a mesh of its own whose picture has alpha."""
-    pxr = pytest.importorskip("pxr.Usd", reason="usd-core is not installed (extra usd)")
-    from pxr import UsdGeom, UsdValidation
-
     parts = [part(0, 3), part(3, 4)]
     write_usdz(tmp_path / "photo.usdz", parts)
-    stage = pxr.Stage.Open(str(tmp_path / "photo.usdz"))
+    stage = Usd.Stage.Open(str(tmp_path / "photo.usdz"))
     assert UsdGeom.GetStageUpAxis(stage) == "Y" and UsdGeom.GetStageMetersPerUnit(stage) == 1
     for name, one in zip(("opaque", "soft1"), parts):
         mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/photo/{name}"))
@@ -57,7 +55,6 @@ def test_what_is_read_back_is_what_was_written(tmp_path: Path) -> None:
 
 def test_colours_do_not_run_into_their_neighbours(tmp_path: Path) -> None:
     """Oracle: the picture, red next to green as at an object's edge; a JPEG of half the chroma is 56 levels off there."""
-    pytest.importorskip("pxr.Usd", reason="usd-core is not installed (extra usd)")
     picture = np.zeros((16, 16, 3), np.uint8)
     picture[:, :7, 0], picture[:, 7:, 1] = 200, 200
     write_usdz(tmp_path / "photo.usdz", [part(0, 3)._replace(picture=picture)])

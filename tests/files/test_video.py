@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
@@ -41,7 +42,6 @@ def test_animations_last_as_long_as_their_pictures(tmp_path: Path, name: str, fp
 
 def test_a_video_holds_every_picture(tmp_path: Path) -> None:
     """Read back by PyAV: count, rate, even size, colours within a few levels."""
-    av = pytest.importorskip("av")
     assert write_video(tmp_path / "a.mp4", PICTURES, 12.5) == 8
     with av.open(str(tmp_path / "a.mp4")) as found:
         assert float(found.streams.video[0].average_rate) == 12.5
@@ -55,7 +55,6 @@ def test_colours_of_a_video_do_not_depend_on_a_guess(
     tmp_path: Path, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Oracle: ITU-R BT.709's red, 63 102 240; the file states it, where players take BT.601 or BT.709 by the size otherwise."""
-    av = pytest.importorskip("av")
     write_video(tmp_path / name, [np.full((32, 32, 3), (255, 0, 0), np.uint8)])
     with av.open(str(tmp_path / name)) as found:
         frame, stated = next(found.decode(video=0)), found.streams.video[0].codec_context

@@ -19,8 +19,6 @@ from dlama.models.network_file import LARGE, PROVIDERS, NetworkFile, make_room, 
 from dlama.models.verify import PIECE
 from tiny_networks import constant
 
-pytest.importorskip("onnxruntime")
-
 
 def test_what_is_in_the_file_and_what_it_gives(tmp_path: Path) -> None:
     """Closed form: a network of four planes in and three constants out."""
