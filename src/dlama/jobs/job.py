@@ -72,9 +72,8 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
         values = check_parameters(called, {key: value for key, value in defaults.items() if key in own} | given)
     except InputError as error:
         return Job(name, called, where=where, error=f"{where}: {first_line(error)}")
-    for role in (*FILES, *NETWORKS):
-        if role in values and role in given:
-            values[role] = resolve_path(values[role], base, role in FILES)
+    for role in {*FILES, *NETWORKS} & given.keys():
+        values[role] = resolve_path(values[role], base, role in FILES)
     return Job(name, called, values, where)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -126,12 +127,14 @@ class _Run:
                 self.under_way += 1
 
     def next_task(self) -> Task | None:
-        """The task of the next job; None: there is none, it was done by an earlier run, or cannot be run."""
-        most = self.settings.stop_after_failures
-        job = None if most is not None and self.failures >= most else next(self.jobs, None)
-        if job is None:
-            self.more = False
-            return None
+        """The task of the next job; None: there is none, or as of `begin`."""
+        most = self.settings.stop_after_failures or math.inf
+        job = next(self.jobs, None) if self.failures < most else None
+        self.more = job is not None
+        return self.begin(job) if job else None
+
+    def begin(self, job: Job) -> Task | None:
+        """The task of a job; None: it was done by an earlier run, or cannot be run."""
         number, self.begun = self.begun, self.begun + 1
         if self.total is None:
             self.manifest.plan(number, job)

@@ -11,7 +11,7 @@ import inspect
 import itertools
 import re
 import typing
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from tyro.conf import Positional
@@ -46,25 +46,25 @@ def check_words(verb: Callable[..., Any], words: Sequence[str]) -> None:
     """Raise InputError for what tyro takes silently, or refuses at length: an empty word, several values that are given in two
     places, of which only the last would count, and a value that is no number, or no word of those that there are."""
     if "" in words:
-        before = words[words.index("") - 1] if words.index("") else ""
+        before = ["an argument", *words][words.index("")]
         raise InputError(f"{before if before.startswith('-') else 'an argument'} is empty; a value is expected")
     flags, given = {one.flag: one for one in _flags(verb)}, [word.partition("=")[0] for word in words]
     for flag, one in flags.items():
         if (one.several or one.listed) and given.count(flag) > 1:
             raise InputError(f"{flag} is given twice; all its values behind one {flag} are expected")
-    for one, typed in _typed(flags, words):
-        if not any(_fits(typed, kind) for kind in one.kinds):
-            raise InputError(f"{one.flag} is {typed!r}; {_describe(one.kinds)} is expected")
+    _check_values(flags, words)
 
 
-def _typed(flags: Mapping[str, Flag], words: Sequence[str]) -> Iterator[tuple[Flag, str]]:
-    """Each option that is given, with each of its values."""
+def _check_values(flags: Mapping[str, Flag], words: Sequence[str]) -> None:
     for place, word in enumerate(words):
         name, equals, value = word.partition("=")
-        if one := flags.get(name.replace("_", "-")):
-            behind = itertools.takewhile(lambda word: not FLAG.match(word), words[place + 1 :])
-            for typed in [value] if equals else itertools.islice(behind, None if one.several else 1):
-                yield one, typed
+        one = flags.get(name.replace("_", "-"))
+        if one is None:
+            continue
+        behind = itertools.takewhile(lambda word: not FLAG.match(word), words[place + 1 :])
+        for given in [value] if equals else itertools.islice(behind, None if one.several else 1):
+            if not any(_fits(given, kind) for kind in one.kinds):
+                raise InputError(f"{one.flag} is {given!r}; {_describe(one.kinds)} is expected")
 
 
 def _describe(kinds: Sequence[Any]) -> str:
