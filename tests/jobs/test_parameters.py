@@ -45,6 +45,10 @@ def test_a_path_in_a_row_is_a_file() -> None:
     """Rows in Python hold paths as well as texts; a file among the defaults is one of the working directory."""
     job = job_of({"id": "a", "verb": "depth", "image": Path("rgb", "a.png")}, {}, "/list", "job 1")
     assert job.error is None and job.files == {"image": str(Path("/list/rgb/a.png"))}
+    job = job_of(
+        {"id": "a", "verb": "depth", "image": "file:///a.png", "depth_model": "file:///n.onnx"}, {}, "/list", ""
+    )
+    assert job.files == {"image": "/a.png"} and job.parameters["depth_model"] == "/n.onnx"
     given = check_defaults(None, {"camera": "cam.json", "depth_model": "moge-small", "to": Path("to.json"), "fov": 3})
     here = Path.cwd()
     expected = {"camera": str(here / "cam.json"), "depth_model": "moge-small", "to": str(here / "to.json"), "fov": 3}

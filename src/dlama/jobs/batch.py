@@ -125,7 +125,7 @@ def check_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str, A
             raise InputError(f"{marked_name(name)} is no parameter of a verb; known are {', '.join(KNOWN)}")
     here = str(Path.cwd())  # of which workers on other computers know nothing
     return {
-        name: resolve_path(local_path(os.fspath(value)), here, name in FILES) if name in (*FILES, *NETWORKS) else value
+        name: resolve_path(os.fspath(value), here, name in FILES) if name in (*FILES, *NETWORKS) else value
         for name, value in defaults.items()
         if value is not None
     }

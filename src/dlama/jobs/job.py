@@ -13,6 +13,7 @@ from typing import Any
 from dlama import __version__
 from dlama.errors import InputError, first_line
 from dlama.jobs.parameters import EXCLUDED, FILES, KNOWN, NETWORKS, VERBS, check_parameters
+from dlama.jobs.storage import local_path
 from dlama.models.verify import sha256_while_unchanged
 
 RESERVED = ("manifest", "manifest.csv", "report.html", "shards", "staged")
@@ -98,6 +99,7 @@ def check_id(name: str, where: str) -> str:
 
 def resolve_path(path: str, base: str, always: bool) -> str:
     """A path of a list, from the list's folder; `always` False: only where there is such a file, as it may be a name."""
+    path = local_path(path)
     if "://" in path or Path(path).is_absolute():
         return path
     whole = f"{base.rstrip('/')}/{path}" if "://" in base else str(Path(base, path))

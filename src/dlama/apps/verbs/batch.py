@@ -206,7 +206,7 @@ def job_line(job: Job, error: str | None) -> str:
 def missing_file(job: Job) -> str | None:
     """Which input of a job, of those on this disk, is not there; None: none."""
     files = (path for path in job.files.values() if not is_address(path))
-    return next((f"{path}: no such file" for path in files if not Path(local_path(path)).exists()), None)
+    return next((f"{path}: no such file" for path in files if not Path(path).exists()), None)
 
 
 @contextmanager
