@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,14 +32,14 @@ def write_contact_sheet(
     Texts in Latin letters: the font that ships with Pillow has no Greek.
     Raises OutputError.
     """
-    fitted = [(fit_panel(array), wrap_text(name, PANEL_WIDTH, font(CAPTION_SIZE))) for name, array in panels]
+    fitted = [(fit_panel(array), wrap_text(name, PANEL_WIDTH, CAPTION_SIZE)) for name, array in panels]
     columns = columns_for(len(panels))
     rows = [fitted[first : first + columns] for first in range(0, len(panels), columns)]
     texts = [line_height(CAPTION_SIZE) * max(len(caption) for _, caption in row) + 4 for row in rows]
     heights = [text + max(picture.height for picture, _ in row) + GAP for text, row in zip(texts, rows)]
     cell = max(PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH, *(picture.width for picture, _ in fitted))
     width = columns * cell + (columns + 1) * GAP
-    heading = wrap_text(title, width - 2 * GAP, font(TITLE_SIZE))
+    heading = wrap_text(title, width - 2 * GAP, TITLE_SIZE)
     entries = place_legend(legend, width - 2 * GAP)
     top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
     bottom = entries[-1][3] + line_height(LEGEND_SIZE) + GAP if entries else 0
@@ -85,16 +86,9 @@ def line_height(size: int) -> int:
     return round(size * 1.35)
 
 
-def wrap_text(text: str, width: float, face: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> list[str]:
-    """The words of a text in lines that fit a width, as far as no word is longer."""
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}".lstrip()
-        if not lines[-1] or face.getlength(longer) <= width:
-            lines[-1] = longer
-        else:
-            lines.append(word)
-    return lines
+def wrap_text(text: str, width: float, size: int) -> list[str]:
+    """A text in lines that fit a width in pixels, of letters as wide as an n."""
+    return textwrap.wrap(text, int(width / font(size).getlength("n")), break_long_words=False) or [""]
 
 
 def place_legend(legend: Sequence[tuple[str, RGB]], width: int) -> list[tuple[str, RGB, int, int]]:
