@@ -166,14 +166,8 @@ def write_camera(path: PathLike, camera: Camera) -> None:
 
 def camera_as_json(camera: Camera) -> dict[str, Any]:
     """What `write_camera` writes, as plain numbers and lists."""
-    numbers = {name: float(getattr(camera, name)) for name in ("fx", "fy", "cx", "cy")}
-    return {
-        "width": int(camera.width),
-        "height": int(camera.height),
-        **numbers,
-        "pixel_center": 0.5,
-        "world_from_cam": camera.world_from_cam.tolist(),
-    }
+    numbers = {name: getattr(camera, name) for name in ("width", "height", *LENS)}
+    return {**numbers, "pixel_center": 0.5, "world_from_cam": camera.world_from_cam.tolist()}
 
 
 @system_errors(FileError)

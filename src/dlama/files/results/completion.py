@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from dlama.arguments import check_arguments
@@ -198,12 +197,12 @@ def chosen_writers(
     completion: Completion,
     names: Sequence[str],
     mask: Any = None,
-    plates: Mapping[str, PathLike] = MappingProxyType({}),
+    plates: Mapping[str, PathLike] | None = None,
 ) -> dict[str, Writer]:
     """File -> what writes it, of the results in `names`; the longest first, so that both threads end together."""
     writers = scene_writers(completion)
     for place, view in views_by_folder(completion).items():
-        of_view = view_writers(view, find_plate(completion, view, place, plates))
+        of_view = view_writers(view, find_plate(completion, view, place, plates or {}))
         writers |= {f"{place}{name}": writer for name, writer in of_view.items()}
     if completion.views:
         writers["preview.png"] = lambda path: write_preview(path, completion)

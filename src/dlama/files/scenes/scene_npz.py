@@ -16,7 +16,7 @@ import re
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import count, pairwise, takewhile
 from pathlib import Path
 
 import cv2
@@ -208,11 +208,11 @@ def _scene(layers: Sequence[Layer], removals: Sequence[Layer], arrays: Mapping[s
     """The scene of its layers, frames first; a file without numbers, as earlier versions wrote of one picture, has one. No name
     has a separator, as files of its frame will be called so."""
     numbers, gains, noise, names = (arrays.get(name, np.zeros(0)).tolist() for name in FRAMES)
-    count = len(numbers) or 1
+    frames = len(numbers) or 1
     return Scene(
-        tuple(layers[:count]),
+        tuple(layers[:frames]),
         tuple(removals),
-        tuple(layers[count:]),
+        tuple(layers[frames:]),
         tuple(numbers),
         tuple((r, g, b) for r, g, b in gains),
         (noise[0], noise[1]) if noise else (0.0, 0.0),
@@ -238,8 +238,5 @@ def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
 
 def _prefixes(name: str, archive: zipfile.ZipFile) -> list[str]:
     """layer0_, layer1_, ... as far as they go."""
-    there = {part.filename.removesuffix(".npy") for part in archive.infolist()}
-    found: list[str] = []
-    while f"{name}{len(found)}_rgb" in there:
-        found.append(f"{name}{len(found)}_")
-    return found
+    there, prefixes = set(archive.namelist()), (f"{name}{number}_" for number in count())
+    return list(takewhile(lambda prefix: f"{prefix}rgb.npy" in there, prefixes))
