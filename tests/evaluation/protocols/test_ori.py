@@ -18,6 +18,7 @@ from square_world import (
     values,
 )
 
+from dlama.completion.recipes import find_recipe
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.evaluation.protocols import PROTOCOLS
@@ -34,7 +35,7 @@ RING = dilate_mask(SQUARE_IN_SOURCE, 8) & ~SQUARE_IN_SOURCE
 
 
 def scored(filler: str, truth: RemovalTruth = TRUTH, settings: ProtocolSettings = PLAIN, **changes) -> list[Scored]:
-    return PROTOCOLS["ori"](truth, Method("paper", filler, changes=changes), settings)
+    return PROTOCOLS["ori"](truth, Method(find_recipe("paper", **changes), filler), settings)
 
 
 def test_scores_by_hand(constant_filler: str) -> None:

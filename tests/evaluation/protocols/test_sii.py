@@ -17,6 +17,7 @@ from square_world import (
     values,
 )
 
+from dlama.completion.recipes import find_recipe
 from dlama.datasets.frames import StereoTruth
 from dlama.errors import InputError
 from dlama.evaluation.protocols import PROTOCOLS
@@ -55,7 +56,7 @@ def removal() -> StereoTruth:
 
 
 def scored(truth: StereoTruth, filler: str, settings: ProtocolSettings = QUICK, **changes) -> list[Scored]:
-    return PROTOCOLS["sii"](truth, Method("paper", filler, changes=changes), settings)
+    return PROTOCOLS["sii"](truth, Method(find_recipe("paper", **changes), filler), settings)
 
 
 def test_the_right_view_by_hand(constant_filler: str) -> None:

@@ -52,7 +52,7 @@ def test_hashes_see_what_matters(tmp_path: Path) -> None:
     os.utime(picture, (1, 1))
     other = Method("dlama", "lama", network)
     hashes = [case_hash(case), first, case_hash(with_file)]
-    hashes += [method_hash(other), method_hash(dataclasses.replace(other, changes={"dilate": 3}))]
+    hashes += [method_hash(other), method_hash(dataclasses.replace(other, seed=3))]
     hashes += [short_hash(one) for one in (np.zeros(3), np.zeros(3, np.float32), np.ones(3), {1: 2})]
     assert len(set(hashes)) == len(hashes)
 

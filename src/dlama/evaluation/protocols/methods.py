@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
-from dlama.completion.recipes import Recipe, check_seed, find_recipe
+from dlama.completion.recipes import check_seed, find_recipe
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.view import View
@@ -32,8 +31,6 @@ class Method:
     filler: str
     """A name of `dlama.inpainters`, or NO_FILL."""
     model: Path | None = None
-    changes: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of the recipe that differ from it."""
     seed: int = 0
     """0 to 2**32 - 1; else InputError."""
 
@@ -49,10 +46,6 @@ class Method:
     def fills(self) -> bool:
         """False for the baseline that leaves holes black and without depth."""
         return self.filler != NO_FILL
-
-    def recipe_with(self, **changes: Any) -> Recipe:
-        """The recipe with the method's own changes, and with these over them. Raises InputError."""
-        return dataclasses.replace(find_recipe(self.recipe), **{**self.changes, **changes})
 
 
 @dataclass(frozen=True)
@@ -127,7 +120,7 @@ class MethodRun:
     @property
     def clip_m(self) -> float | None:
         """Metres at which the recipe cuts depth; None: nowhere."""
-        return self.method.recipe_with().clip
+        return find_recipe(self.method.recipe).clip
 
     def timing(self) -> Measure:
         """Wall-clock seconds of the completion."""
@@ -152,7 +145,7 @@ def run_method(
     Args:
         camera: of the new view.
         mask: H x W of the source, True = the object to remove; None: nothing is removed.
-        changes: fields of the recipe, over the method's own.
+        changes: fields of the recipe that differ.
     Raises:
         InputError, FileError and all else that `complete` raises.
     """
@@ -165,7 +158,7 @@ def timed_run(method: Method, verb: Callable[..., Completion], **changes: Any) -
     """What a verb makes with the recipe (and these changes of it), filler, model and seed of a method."""
     how: dict[str, Any] = {"filler": method.filler, "model": method.model} if method.fills else {"filler": no_fill}
     started = time.perf_counter()
-    done = verb(recipe=method.recipe_with(**changes), seed=method.seed, **how)
+    done = verb(recipe=find_recipe(method.recipe, **changes), seed=method.seed, **how)
     return MethodRun(method, done, time.perf_counter() - started)
 
 

@@ -64,7 +64,7 @@ def method_hash(method: Method) -> str:
     """Of a method: its settings, and the bytes of its network file."""
     file = model_file(method.filler, method.model) if method.filler in FILLERS else method.model
     model = None if file is None else sha256_while_unchanged(file)
-    return short_hash([method.recipe, method.filler, model, dict(method.changes), method.seed])
+    return short_hash([method.recipe, method.filler, model, method.seed])
 
 
 @functools.lru_cache(maxsize=1)

@@ -61,8 +61,7 @@ class Stored:
 
 def stem(case: Case, method: Method) -> str:
     """The name, without suffix, of the files of a case and a method; safe on every file system, and of no two cases the same."""
-    extra = f"-{short_hash(sorted(method.changes.items()))[:8]}" if method.changes else ""
-    full = f"{case.key}__{method.recipe}-{method.filler}{extra}"
+    full = f"{case.key}__{method.recipe}-{method.filler}"
     name = re.sub(r"[^\w.+,=@-]", "_", full, flags=re.ASCII)
     return name if name == full and len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 9]}-{short_hash(full)[:8]}"
 
