@@ -15,6 +15,7 @@ from dlama.apps.cli import main
 from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.points import points_in
 from dlama.files.scenes.clouds import read_ply
+from posed_folders import truth, write_nerfstudio
 from rendered_walls import CAMERA as LENS
 from rendered_walls import CLASSES, frame
 
@@ -46,6 +47,13 @@ def test_a_data_set_shows_one_scene(tmp_path: Path) -> None:
     cloud, camera, note = points_in(tmp_path)
     assert len(cloud) >= 16 * 12 and camera is not None and camera.wh == LENS.wh
     assert cloud.points[:, 2].max() < 2.5 and "frames, all of scene" in note
+
+
+def test_a_frame_alone_is_shown(tmp_path: Path) -> None:
+    """Oracle: its pixels. It was refused, as the case of an evaluation needs two."""
+    given = truth()[0]
+    cloud, _, note = points_in(write_nerfstudio(tmp_path / "one", {"a": given}, {"a": given.camera}))
+    assert len(cloud) == given.valid.sum() and note == ""
 
 
 def test_the_page_is_written_and_opened(

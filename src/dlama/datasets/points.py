@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.layouts import RECORDINGS, open_dataset
-from dlama.errors import FileError, InputError
+from dlama.datasets.layouts import RECORDINGS, layout_of, list_dataset
+from dlama.errors import FileError, InputError, system_errors
 from dlama.files.scenes.clouds import read_ply
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
@@ -16,6 +16,7 @@ from dlama.geometry.fusion import scene_cloud
 from dlama.geometry.projection import lift
 
 
+@system_errors(FileError)
 def points_in(path: Path) -> tuple[PointCloud, Camera | None, str]:
     """The points of a scene.npz, a .ply, a folder of results or of a data set; the first camera; what is not shown, in words.
 
@@ -46,7 +47,7 @@ def _read_points(path: Path) -> tuple[PointCloud, Camera | None, str]:
 
 def points_of_frames(folder: Path) -> tuple[PointCloud, Camera, str]:
     """The same of the frames of a data set, at most 100, evenly spread, as measured."""
-    listed = open_dataset(folder).frames
+    listed = list_dataset(folder, layout_of(folder, None), {"limit": 0}).frames  # no pairs are needed
     if not listed:
         raise InputError(f"{folder}: lists no posed frames with depth, so that there is nothing to show in 3-D")
     first = [each for each in listed if each.scene == listed[0].scene]
