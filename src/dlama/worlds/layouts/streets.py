@@ -87,21 +87,7 @@ def park(plan: FloorPlan) -> None:
         with builder.at(0, z, rng.uniform(-12, 12)), builder.group():
             yard_wall(builder, palette, rng, -14, 14)
         plan.building_row(0, z, 0, -14, 14)
-    names = [
-        "tree",
-        "tree",
-        "tree",
-        "conifer",
-        "bush",
-        "bush",
-        "hedge",
-        "bench",
-        "lamp",
-        "statue",
-        "planter",
-        "bin",
-        "bicycle",
-    ]
+    names = 3 * ["tree"] + ["conifer", "bush", "bush", "hedge", "bench", "lamp", "statue", "planter", "bin", "bicycle"]
     plan.scatter(STREET_PROPS, names, (10, 20), (-10, 10), (1.5, min(far - 1, 13)))
 
 
@@ -121,19 +107,8 @@ def yard(plan: FloorPlan) -> None:
     facade(plan, 0, rng.uniform(24, 34), 0, -34, 34, 0)
     markings(plan, rng.uniform(3.2, far - 1))
     names = [
-        "dumpster",
-        "crates",
-        "pallet",
-        "barrel",
-        "cone",
-        "barrier",
-        "car",
-        "bicycle",
-        "bin",
-        "planter",
-        "advert",
-        "crates",
-    ]
+        "dumpster", "crates", "pallet", "barrel", "cone", "barrier", "car", "bicycle", "bin", "planter", "advert", "crates",
+    ]  # fmt: skip
     plan.scatter(STREET_PROPS, names, (7, 14), (-left, right), (3, far))
 
 

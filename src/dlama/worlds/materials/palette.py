@@ -42,9 +42,8 @@ def _plaster(rng: Generator) -> UInt8Array:
 
 
 def _concrete(rng: Generator) -> UInt8Array:
-    return textures.rough_surface(
-        rng, textures.color(rng, (0.05, 0.6), (0, 0.08), (0.45, 0.7)), 0.2, 0.3, textures.ROUGH
-    )
+    base = textures.color(rng, (0.05, 0.6), (0, 0.08), (0.45, 0.7))
+    return textures.rough_surface(rng, base, 0.2, 0.3, textures.ROUGH)
 
 
 MATERIAL_KINDS: dict[str, MaterialKind] = {

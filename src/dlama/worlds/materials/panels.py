@@ -64,10 +64,8 @@ def window(rng: Generator) -> UInt8Array:
             canvas[:, left : left + int(share * SIDE), :3] = folds[:, left : left + int(share * SIDE)]
     elif kind < 0.55:
         height = int(SIDE * rng.uniform(0.2, 0.7))
-        slats = (0.8 + 0.2 * (np.arange(height) % 12 < 9))[:, None, None] * np.array(
-            color(rng, (0, 1), (0, 0.15), (0.6, 0.9))
-        )
-        canvas[:height, :, :3] = slats
+        slats = (0.8 + 0.2 * (np.arange(height) % 12 < 9))[:, None, None]
+        canvas[:height, :, :3] = slats * np.array(color(rng, (0, 1), (0, 0.15), (0.6, 0.9)))
     across, down = int(rng.integers(1, 4)), int(rng.integers(1, 4))
     for k in range(across + 1):
         bar = width if k in (0, across) else 0.6 * width

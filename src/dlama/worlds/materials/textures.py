@@ -132,9 +132,8 @@ def courses(
     column = np.floor(u).astype(np.int32)
     edge = (np.abs(u - column - 0.5) - 0.5) * (rows / columns)
     edge = np.maximum(edge, np.abs(v - row - 0.5) - 0.5)
-    pieces = (rng.normal(1, spread, (rows, columns, 1)) + rng.normal(0, 0.3 * spread, (rows, columns, 3))).astype(
-        np.float32
-    )
+    pieces = rng.normal(1, spread, (rows, columns, 1)) + rng.normal(0, 0.3 * spread, (rows, columns, 3))
+    pieces = pieces.astype(np.float32)
     index = row % rows * columns + column % columns
     share = np.clip((edge + joint) / 0.06 + 0.5, 0, 1).astype(np.float32)
     value = 0.72 + 0.56 * noise(rng, grain)
@@ -166,9 +165,8 @@ def paving(rng: Generator) -> UInt8Array:
     """Slabs, setts or cobbles."""
     base = color(rng, (0.02, 0.15), (0.0, 0.22), (0.45, 0.75))
     dark: Rgb = (0.45 * base[0], 0.45 * base[1], 0.45 * base[2])
-    rows, columns, joint, wobble = [(4, 4, 0.02, 0.0), (4, 2, 0.02, 0.0), (10, 5, 0.06, 0.01), (14, 14, 0.1, 0.06)][
-        int(rng.integers(4))
-    ]
+    kinds = (4, 4, 0.02, 0.0), (4, 2, 0.02, 0.0), (10, 5, 0.06, 0.01), (14, 14, 0.1, 0.06)
+    rows, columns, joint, wobble = kinds[rng.integers(4)]
     bond = float(rng.choice((0.0, 0.5)))
     return courses(rng, rows, columns, joint, base, dark, bond=bond, spread=0.07 + 0.5 * wobble, wobble=wobble)
 
@@ -204,9 +202,8 @@ def metal(rng: Generator) -> UInt8Array:
     base = color(rng, (0.0, 1.0), (0.1, 0.75), (0.3, 0.75))
     value = 0.9 + 0.2 * noise(rng, SOFT)
     if rng.random() < 0.5:
-        value = value * (1 + 0.22 * np.sin(2 * np.pi * int(rng.choice((8, 12, 16))) * np.arange(SIDE) / SIDE)).astype(
-            np.float32
-        )
+        waves = np.sin(2 * np.pi * int(rng.choice((8, 12, 16))) * np.arange(SIDE) / SIDE)
+        value = value * (1 + 0.22 * waves).astype(np.float32)
     rust = np.clip(5 * (noise(rng, CLOUDY) - np.float32(rng.uniform(0.6, 1.0))), 0, 1)
     return rgba(mix(shade(base, value), shade((120, 72, 42), 0.6 + 0.8 * noise(rng, FINE)), rust))
 

@@ -18,10 +18,8 @@ def house(builder: SceneBuilder, palette: Palette, rng: Generator, width: float)
     floors = rng.integers(1, 5)
     height = 0.4 + FLOOR_M * floors
     wall = palette("bricks", "bricks", "plaster", "stones", "concrete", "planks")
-    painted = rng.random() >= 0.6
-    trim = (
-        palette.paint(saturation=(0, 0.3), value=(0.5, 0.95)) if painted else palette("concrete", "plaster", "stones")
-    )
+    stone = rng.random() < 0.6
+    trim = palette("concrete", "plaster", "stones") if stone else palette.paint(saturation=(0, 0.3), value=(0.5, 0.95))
     depth = 6.0
     builder.box((0, 0, depth / 2), (width, height, depth), wall)
     if rng.random() < 0.7:
@@ -44,9 +42,8 @@ def house(builder: SceneBuilder, palette: Palette, rng: Generator, width: float)
             balcony(builder, palette, width * rng.uniform(-0.25, 0.25), FLOOR_M * floor + 0.25)
     roof(builder, palette, rng, width, depth, height)
     if rng.random() < 0.5:
-        builder.tube(
-            (0.48 * width * rng.choice((-1, 1)), 0, -0.06), height - 0.3, 0.06, palette("metal").with_tint(0.6)
-        )
+        at = (0.48 * width * rng.choice((-1, 1)), 0, -0.06)
+        builder.tube(at, height - 0.3, 0.06, palette("metal").with_tint(0.6))
     return height
 
 
@@ -158,7 +155,6 @@ def yard_wall(builder: SceneBuilder, palette: Palette, rng: Generator, left: flo
 def pavement(builder: SceneBuilder, palette: Palette, left: float, right: float, depth: float, kerb: Material) -> None:
     """A raised walk in front of houses (z from -depth to 0.5) with its kerb stones."""
     middle, length = (left + right) / 2, right - left
-    builder.box(
-        (middle, 0, 0.25 - depth / 2 + 0.08), (length, 0.12, depth + 0.34), palette("paving", "concrete", "asphalt")
-    )
+    size = length, 0.12, depth + 0.34
+    builder.box((middle, 0, 0.25 - depth / 2 + 0.08), size, palette("paving", "concrete", "asphalt"))
     builder.box((middle, 0, -depth), (length, 0.125, 0.16), kerb)

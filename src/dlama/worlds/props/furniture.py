@@ -101,9 +101,8 @@ def shelf(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
             width = rng.uniform(0.1, 0.4)
             if x + width < w / 2 and rng.random() < 0.75:
                 h = rng.uniform(0.16, 0.28)
-                builder.box(
-                    (x + width / 2, up, -0.15), (width, h, 0.2), palette("books") if width > 0.2 else palette.paint()
-                )
+                cover = palette("books") if width > 0.2 else palette.paint()
+                builder.box((x + width / 2, up, -0.15), (width, h, 0.2), cover)
             x += width + 0.03
 
 

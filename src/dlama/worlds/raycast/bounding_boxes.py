@@ -48,12 +48,9 @@ def shadow_cells(shapes: Float64Array, to_light: Float64Array) -> tuple[Float64A
     first = np.array([x.min(initial=0) for x in low])
     last = np.array([x.max(initial=1) for x in high])
     scale = SIDE / float((last - first).max() * 1.0001)
-    inside = []
+    inside, cell = [], np.arange(SIDE)[:, None]
     for lo, hi, start in zip(low, high, first):
-        cell = np.arange(SIDE)
-        inside.append(
-            (np.floor((lo - start) * scale) <= cell[:, None]) & (np.floor((hi - start) * scale) >= cell[:, None])
-        )
+        inside.append((np.floor((lo - start) * scale) <= cell) & (np.floor((hi - start) * scale) >= cell))
     cell_of, item = np.nonzero((inside[1][:, None] & inside[0][None]).reshape(SIDE * SIDE, -1))
     starts = np.searchsorted(cell_of, np.arange(SIDE * SIDE + 1)).astype(np.int32)
     return np.array([*e1, *e2, *first, scale, SIDE]), starts, casting[item].astype(np.int32)
