@@ -209,8 +209,7 @@ def _examine_pair(left: Path, right: Path, calib: PathLike) -> Found:
     if pictures[0].shape != pictures[1].shape:
         sizes = " and ".join(format_size(each.shape) for each in pictures)
         raise ShapeError(f"{names}: are {sizes}; rectified pictures of one size are expected")
-    found = [
-        replace(each, what=f"{names}: {each.what}") for each in check_lens(rig.left) + check_pair(*pictures, rig.doffs)
-    ]
+    found = check_lens(rig.left) + check_pair(*pictures, rig.doffs)
+    found = [replace(each, what=f"{names}: {each.what}") for each in found]
     parts = [format_size(rig.left.hw), f"{rig.left.fov:.3g} degrees wide"]
     return found, names, [*parts, f"baseline {rig.baseline_m:.3g} m", f"doffs {rig.doffs:.3g} px"]

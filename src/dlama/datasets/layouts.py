@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -77,10 +76,10 @@ def _posed(
         more = (root, camera) if takes_camera else ()
         is_scene = fits(getattr(reader, "is_scene", reader.looks_like))
         folders = scene_folders(root, is_scene, looked_for, scenes, files)
-        found = [
-            posed_frames(scene, place, reader.list_frames(place, *more), **reading) for scene, place in folders.items()
-        ]
-        return posed_dataset(name, root, itertools.chain(*found), limit)
+        frames = []
+        for scene, place in folders.items():
+            frames += posed_frames(scene, place, reader.list_frames(place, *more), **reading)
+        return posed_dataset(name, root, frames, limit)
 
     options = {"scenes", "limit", *OF_FRAMES, *(("camera",) if takes_camera else ())}
     return name, Layout(looked_for, fits(reader.looks_like), read, frozenset(options), **others)

@@ -60,9 +60,8 @@ def _files(folder: Path) -> tuple[FrameFiles, FrameFiles, Path, Path | None, Pat
         files_of(folder / f"{each}.color.png", folder / f"{each}.depth.png", lens, np.eye(4), units)
         for each in ("with", "without")
     )
-    compare, shadow = (
-        folder / name if (folder / name).is_file() else None for name in ("compare_region.png", "shadow_mask.png")
-    )
+    regions = folder / "compare_region.png", folder / "shadow_mask.png"
+    compare, shadow = (path if path.is_file() else None for path in regions)
     return source, without, folder / "object_mask.png", compare, shadow, varies
 
 

@@ -46,10 +46,8 @@ def stereo_folder(root: Path) -> Dataset:
     """
     name = root.resolve().name
     folders = scene_folders(root, looks_like_stereo, "im0.png and im1.png, or left.png and right.png")
-    cases = tuple(
-        Case("sii", name, scene, "left_to_right", partial(load_stereo, *_files(folder)))
-        for scene, folder in folders.items()
-    )
+    loads = {scene: partial(load_stereo, *_files(folder)) for scene, folder in folders.items()}
+    cases = tuple(Case("sii", name, scene, "left_to_right", load) for scene, load in loads.items())
     return Dataset(name, "stereo", root, (), cases)
 
 

@@ -210,10 +210,8 @@ def folders_in(folder: Path) -> list[Path]:
 def files_in(folder: Path, suffixes: Iterable[str]) -> list[Path]:
     """The visible files of these kinds (lower case, with dot), 2 before 10."""
     kinds = set(suffixes)
-    return sorted(
-        (each for each in folder.iterdir() if each.suffix.lower() in kinds and not each.name.startswith(".")),
-        key=lambda path: natural_order(path.name),
-    )
+    found = (each for each in folder.iterdir() if each.suffix.lower() in kinds and not each.name.startswith("."))
+    return sorted(found, key=lambda path: natural_order(path.name))
 
 
 def pictures_below(folder: Path, nor: str = "") -> tuple[Path, ...]:

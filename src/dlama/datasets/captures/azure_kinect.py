@@ -66,9 +66,8 @@ def list_frames(path: Path) -> Listed:
     if name is None:
         raise FileError(f"{path}: has no calibration attached; a recording of k4arecorder is expected")
     fields = json_fields(f"{path}: {name}", attached[name].decode("utf-8", "replace").rstrip("\0"))
-    listed = fields.part("CalibrationInformation", fields.values.get("CalibrationInformation")).entries(
-        "Cameras", "cameras"
-    )
+    part = "CalibrationInformation"
+    listed = fields.part(part, fields.values.get(part)).entries("Cameras", "cameras")
     sizes = read_video_frame(path, 0, color).shape[:2], read_raw_frame(path, 0, depth).shape
     color_camera = _camera(fields, listed, "CALIBRATION_CameraLocationPV0", sizes[0], COLORS)
     depth_camera = _camera(fields, listed, "CALIBRATION_CameraLocationD0", sizes[1], MODES)

@@ -34,14 +34,9 @@ def looks_like(root: Path) -> bool:
 def list_frames(folder: Path) -> Listed:
     """The frames of one scene. Raises FileError, CameraError."""
     inside = folder / FOLDER if (folder / FOLDER).is_dir() else folder
-    cameras, pictures = next(
-        (
-            found
-            for names in BOTH
-            if all(found := [files_by_stem(inside / name, (".json", ".jpg", ".jpeg", ".png")) for name in names])
-        ),
-        ({}, {}),
-    )
+    suffixes = (".json", ".jpg", ".jpeg", ".png")
+    corrected, own = ([files_by_stem(inside / name, suffixes) for name in names] for names in BOTH)
+    cameras, pictures = corrected if all(corrected) else own
     depths, levels = (files_by_stem(inside / name, (".png",)) for name in ("depth", "confidence"))
     for name, camera in cameras.items():
         if name not in pictures:

@@ -109,10 +109,8 @@ def depth_of(message: Any, where: str, unit: float | None = None) -> Float32Arra
         codes = np.asarray(unpack(data[start:], f"{where}, {message.format}"))
         if encoding_of(message) == "32FC1":
             _, a, b = struct.unpack("<iff", data[:DEPTH_HEADER])
-            known = codes > 0
-            return np.where(known, a / np.where(known, codes.astype(np.float32) - np.float32(b), 1), 0).astype(
-                np.float32
-            )
+            steps = np.where(codes > 0, codes.astype(np.float32) - np.float32(b), 1)
+            return np.where(codes > 0, a / steps, 0).astype(np.float32)
     metres = codes.astype(np.float32)
     if unit is not None:
         return metres * np.float32(unit)

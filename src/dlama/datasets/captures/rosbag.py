@@ -77,9 +77,8 @@ def list_frames(path: Path) -> Listed:
         if pose is None:
             yield name, "without a pose"
             continue
-        metres: Any = partial(
-            _decode, partial(depth_of, unit=bag.units.get(depth.name)), path, depth.name, depth.places[near]
-        )
+        decode = partial(depth_of, unit=bag.units.get(depth.name))
+        metres: Any = partial(_decode, decode, path, depth.name, depth.places[near])
         if color.frame != depth.frame:
             found = transforms.between(color.frame, depth.frame, stamp)
             if found is None:
@@ -114,10 +113,8 @@ class Bag:
     """An open bag; its pictures are found once, and read when they are needed. It is closed when it is no longer kept."""
 
     def __init__(self, path: Path) -> None:
-        highlevel, types = (
-            import_extra(f"rosbags.{name}", f"{path}: a bag of ROS", "rosbags", "ros")
-            for name in ("highlevel", "typesys")
-        )
+        names = "rosbags.highlevel", "rosbags.typesys"
+        highlevel, types = (import_extra(name, f"{path}: a bag of ROS", "rosbags", "ros") for name in names)
         self.path, self.lock = path, Lock()
         is_old = path.suffix.lower() == ".bag"
         with bag_errors(f"{path}: is no readable bag"):  # AnyReaderError, struct.error, KeyError, ...
@@ -228,9 +225,8 @@ class Bag:
     def _info(self, topic: Topic) -> Any:
         """The camera_info next to a topic, or that of its frame."""
         parts = topic.name.split("/")
-        candidates = [
-            "/".join([*parts[:-count], tail]) for count in (1, 2) for tail in ("camera_info", "info/camera_info")
-        ]
+        tails = "camera_info", "info/camera_info"
+        candidates = ["/".join([*parts[:-count], tail]) for count in (1, 2) for tail in tails]
         found = next((self.infos[name] for name in candidates if name in self.infos), None)
         of_frame = [info for info in self.infos.values() if info.header.frame_id.lstrip("/") == topic.frame]
         return found if found is not None or not of_frame else of_frame[0]

@@ -70,10 +70,8 @@ def easysynth(root: Path, *, depth_range: float | None = None, removal_object: s
         scene = folder.resolve().name
         sequences = [read_sequence(each, depth_range) for each in folders]
         frames += [frame for sequence in sequences for frame in _frames(scene, sequence)]
-        cases += [
-            Case(protocol, name, scene, frame, load, yaw)
-            for protocol, frame, load, yaw in _cases(sequences, removal_object)
-        ]
+        for protocol, frame, load, yaw in _cases(sequences, removal_object):
+            cases.append(Case(protocol, name, scene, frame, load, yaw))
     return Dataset(name, "easysynth", root, tuple(frames), tuple(cases))
 
 

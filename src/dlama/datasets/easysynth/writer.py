@@ -81,9 +81,8 @@ def _write_pictures(
         stem, depth = f"{name}.{number:04d}", frame.rgbd.depth
         write_color(place / COLOR / f"{stem}.png", frame.rgbd.color)
         write_color(place / SEMANTIC / f"{stem}.png", colors[frame.semantic])
-        write_depth_png(
-            place / MILLIMETRES / f"{stem}.png", np.where(depth * 1000 > DEEPEST_MM, np.float32(np.inf), depth)
-        )
+        limited = np.where(depth * 1000 > DEEPEST_MM, np.float32(np.inf), depth)
+        write_depth_png(place / MILLIMETRES / f"{stem}.png", limited)
         grey = np.minimum(depth / np.float32(depth_range), 1).astype(np.float16)  # as Unreal writes it
         write_exr(place / DEPTH / f"{stem}.exr", {"R": grey, "G": grey, "B": grey, "A": np.ones_like(grey)})
         cameras.append(frame.rgbd.camera)
@@ -96,9 +95,8 @@ def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]]) -> None:
     _write_poses(folder / POSES, rig)
     for name, each in cameras.items():
         _write_poses(folder / name / POSES, each)
-    places = {
-        name: _rig_camera(each[0], rig[0].cam_from_world @ each[0].world_from_cam) for name, each in cameras.items()
-    }
+    rig_from_world = rig[0].cam_from_world
+    places = {name: _rig_camera(each[0], rig_from_world @ each[0].world_from_cam) for name, each in cameras.items()}
     write_file(folder / RIG, json.dumps({"cameras": places}, indent="\t"))
 
 

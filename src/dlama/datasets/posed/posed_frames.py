@@ -76,9 +76,8 @@ def files_of(
     color: Path, depth: Path, lens: Lens, pose: Float64Array, units: float = 1000.0, has_far: bool = False
 ) -> FrameFiles:
     """Of a picture file and a depth file with so many units a metre; pose: 4x4, camera to world, OpenCV axes, metres."""
-    read = (
-        partial(read_colmap_depth, depth) if depth.suffix == ".bin" else partial(read_depth, depth, depth_scale=units)
-    )
+    of_colmap = depth.suffix == ".bin"
+    read = partial(read_colmap_depth, depth) if of_colmap else partial(read_depth, depth, depth_scale=units)
     read_color, hw = partial(read_color_of_camera, color), partial(picture_hw, color)
     return FrameFiles((str(color), str(depth)), read_color, read, lens, pose, hw, has_far=has_far)
 

@@ -24,9 +24,8 @@ def cameras_for(views: str | Mapping[str, Camera], scene: Scene) -> dict[str, Ca
     if views == "frames":
         return None
     if views in PATHS:
-        return {
-            f"{views}-{number:04d}": camera for number, camera in enumerate(_named_path(views, scene, VIEWS_OF_PATH))
-        }
+        cameras = _named_path(views, scene, VIEWS_OF_PATH)
+        return {f"{views}-{number:04d}": camera for number, camera in enumerate(cameras)}
     if not views.lower().endswith(".json"):
         raise InputError(
             f"`views` is {views!r}; frames, {', '.join(PATHS)} or a JSON file with a list of cameras is expected"

@@ -120,23 +120,20 @@ class SequenceCompletion:
         """
         check_arguments(SequenceCompletion.write, locals())
         started, target, chosen = time.perf_counter(), check_folder_name(output), check_results(only, also)
-        loaded, settings, masked = self._loaded, self._settings, self._settings["min_confidence"] > 0
+        loaded, settings, least = self._loaded, self._settings, self._settings["min_confidence"]
         asked = {**settings, "views": [(step.name, step.shown) for step in self._steps]}
         state = SequenceState(target, asked, loaded.scene, self._masks, __version__)
         state.folder.mkdir(parents=True, exist_ok=True)
         with lock_output(target, target):
-            done = complete_steps(
-                self._plan, self.scene, self._steps, state, target, progress, settings["min_confidence"]
-            )
+            done = complete_steps(self._plan, self.scene, self._steps, state, target, progress, least)
             points = {"ply_file_path": "scene.ply"} if "points" in chosen else {}
-            write_transforms(target, self.cameras, loaded.names, points, masked)
+            write_transforms(target, self.cameras, loaded.names, points, least > 0)
             meta = {
                 "dlama": __version__,
                 "dataset": self._dataset,
                 **about_frames(loaded),
                 **settings,
-                "decisions": loaded.decisions
-                | {name: dict(decision) for name, decision in self._plan.decisions.items()},
+                "decisions": loaded.decisions | {name: dict(one) for name, one in self._plan.decisions.items()},
                 "masked_frames": [loaded.names[number] for number in sorted(self._masks)],
                 **{kind: {name: done.views[name][kind] for name in self.cameras} for kind in SHARES},
                 CLIPPED: done.count_clipped(),
@@ -153,13 +150,10 @@ class SequenceCompletion:
 def about_frames(loaded: LoadedScene) -> dict[str, Any]:
     """For meta.json: where depth comes from, the frames that the scene is made of, why others were left out."""
     given = loaded.scene
+    frames = {"names": list(given.names), "gains": list(map(list, given.gains)), "noise": list(given.noise)}
     return {
         "depth": "estimated" if given.has_estimated_depth else "measured",
-        "frames": {
-            "names": list(given.names),
-            "gains": [list(gain) for gain in given.gains],
-            "noise": list(given.noise),
-        },
+        "frames": frames,
         "left_out": loaded.damaged | dict.fromkeys(loaded.contradicting, "see warnings"),
     }
 
@@ -207,9 +201,8 @@ def complete_steps(
         if step.shown:
             done.views[step.name] = shares
         if progress is not None:
-            progress(
-                number + 1, len(steps), step.name if step.shown else f"{step.name} (on the way)", earlier is not None
-            )
+            name = step.name if step.shown else f"{step.name} (on the way)"
+            progress(number + 1, len(steps), name, earlier is not None)
     done.scene = scene_above(done.scene, min_confidence)
     return done
 

@@ -29,9 +29,8 @@ def decide_depth(files: FrameFiles, hw: tuple[int, int]) -> Decisions:
     recorded = measured_depth(files)
     if recorded.shape != hw or not has_single_readings(recorded):
         return {}
-    return {
-        "depth": {"name": "densified", "reason": "single readings, as of a LIDAR: filled along colours between them"}
-    }
+    reason = "single readings, as of a LIDAR: filled along colours between them"
+    return {"depth": {"name": "densified", "reason": reason}}
 
 
 def decide_range(files: Sequence[FrameFiles], max_depth: float | None) -> Decisions:

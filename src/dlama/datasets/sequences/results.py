@@ -69,9 +69,8 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chose
             if "colmap" in chosen:
                 (folder / "sparse" / "0").mkdir(parents=True, exist_ok=True)
                 views = {f"{name}.png": camera for name, camera in cameras.items()}
-                write_model(
-                    folder / "sparse" / "0", views, thin_points(cloud, max(1, math.ceil(len(cloud) / COLMAP_POINTS)))
-                )
+                few = thin_points(cloud, max(1, math.ceil(len(cloud) / COLMAP_POINTS)))
+                write_model(folder / "sparse" / "0", views, few)
             del cloud
         if "mesh" in chosen:
             meshed = largest_layers(once, counts)
@@ -84,12 +83,9 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], chose
 
 def cloud_of(scene: Scene, step: int) -> PointCloud:
     """The points that each layer adds, of each every `step`-th."""
-    return concatenate(
-        [
-            thin_points(lift(view.without(~contribution(view), HoleType.NONE)), step)
-            for view in (layer.load_part() for layer in scene.layers)
-        ]
-    )
+    views = (layer.load_part() for layer in scene.layers)
+    added = (lift(view.without(~contribution(view), HoleType.NONE)) for view in views)
+    return concatenate([thin_points(cloud, step) for cloud in added])
 
 
 def largest_layers(scene: Scene, counts: Sequence[int]) -> Scene:
