@@ -50,20 +50,15 @@ class PixelCache:
                 self._kept.move_to_end(key)
                 return found
         view = read()
+        size = count_bytes(view)
         with self._lock:
             self.reads += 1
-            if keep:
-                self._keep(key, view)
+            if keep and key not in self._kept and size <= self.limit:
+                self._kept[key] = view
+                self.bytes += size
+                while self.bytes > self.limit:
+                    self.bytes -= count_bytes(self._kept.popitem(last=False)[1])
         return view
-
-    def _keep(self, key: object, view: View) -> None:
-        size = count_bytes(view)
-        if key in self._kept or size > self.limit:
-            return
-        self._kept[key] = view
-        self.bytes += size
-        while self.bytes > self.limit:
-            self.bytes -= count_bytes(self._kept.popitem(last=False)[1])
 
 
 def count_bytes(view: View) -> int:

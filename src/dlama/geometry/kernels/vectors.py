@@ -20,12 +20,6 @@ WIDE, RUN = 8, 35
 """Numbers of a vector, and in all, that `squared_difference` compares."""
 
 
-def load(builder: Any, data: Any, at: Any, lanes: int) -> Any:
-    """The vector of so many float32 at a flat place."""
-    vector = ir.VectorType(ir.FloatType(), lanes)
-    return builder.load(builder.bitcast(builder.gep(data, [at]), vector.as_pointer()), align=4)
-
-
 def compare_one_by_one(values: Float32Array, first: int, second: int) -> np.float32:
     """`squared_difference` in Python: where numba is turned off, and for tests."""
     flat = values.reshape(-1)
@@ -44,9 +38,11 @@ def compare_runs(context: Any, builder: Any, signature: Any, arguments: Any) -> 
     """The instructions of `squared_difference`."""
     values, *places = arguments
     data = context.make_array(signature.args[0])(context, builder, values).data
-    total = nothing = ir.Constant(ir.VectorType(ir.FloatType(), WIDE), [0.0] * WIDE)
+    vector = ir.VectorType(ir.FloatType(), WIDE)
+    total = nothing = ir.Constant(vector, [0.0] * WIDE)
     for start in [*range(0, RUN - WIDE + 1, WIDE), RUN - WIDE]:
-        ours, others = (load(builder, data, builder.add(at, at.type(start)), WIDE) for at in places)
+        runs = (builder.gep(data, [builder.add(at, at.type(start))]) for at in places)
+        ours, others = (builder.load(builder.bitcast(run, vector.as_pointer()), align=4) for run in runs)
         step = builder.fsub(ours, others)
         square = builder.fmul(step, step)
         if start == RUN - WIDE:  # the numbers that were compared already count as 0

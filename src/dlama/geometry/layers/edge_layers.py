@@ -43,17 +43,7 @@ def continue_under_edges(view: View, reach: int, least: float = 0.0) -> tuple[Vi
     for _ in range(reach - 1):
         behind, source = spread(behind, source, w, behind)
     added = np.isfinite(behind)
-    color = view.color.reshape(-1, 3)[source]
-    layer = view.with_planes(
-        color=replace_pixels(view.color, added, color),
-        depth=np.where(added, depth_from_inverse(np.where(added, behind * BEHIND, 1)), view.depth),
-        hole=view.hole & ~added,
-        hole_type=np.where(added, np.uint8(HoleType.DISOCCLUDED), np.uint8(HoleType.NONE)),
-        origin=np.where(added, np.uint8(Origin.FILLED), view.origin),
-        confidence=np.where(added, CONFIDENCE, view.confidence),
-        errors=None,
-    )
-    return layer, added
+    return lay_behind(view, added, behind, source), added
 
 
 def continue_everywhere(view: View, reach: int) -> View:
@@ -65,13 +55,19 @@ def continue_everywhere(view: View, reach: int) -> View:
     w = behind = inverse_depth(view.depth.ravel()[source])
     for _ in range(reach):
         behind, source = spread(behind, source, w, behind)
+    return lay_behind(view, np.ones_like(view.hole), behind, source)
+
+
+def lay_behind(view: View, added: BoolArray, w: Float32Array, source: NDArray[np.intp]) -> View:
+    """The view with other pixels where `added` (H x W), FILLED: a little behind an inverse depth (1/m), in the colours of the
+    pixels `source` (H x W flat indices)."""
     return view.with_planes(
-        color=view.color.reshape(-1, 3)[source],
-        depth=depth_from_inverse(behind * BEHIND),
-        hole=np.zeros_like(view.hole),
-        hole_type=np.zeros_like(view.hole_type),
-        origin=np.full_like(view.origin, Origin.FILLED),
-        confidence=np.full_like(view.confidence, CONFIDENCE),
+        color=replace_pixels(view.color, added, view.color.reshape(-1, 3)[source]),
+        depth=np.where(added, depth_from_inverse(np.where(added, w * BEHIND, 1)), view.depth),
+        hole=view.hole & ~added,
+        hole_type=np.where(added, np.uint8(HoleType.DISOCCLUDED), np.uint8(HoleType.NONE)),
+        origin=np.where(added, np.uint8(Origin.FILLED), view.origin),
+        confidence=np.where(added, CONFIDENCE, view.confidence),
         errors=None,
     )
 
