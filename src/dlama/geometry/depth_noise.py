@@ -22,8 +22,6 @@ REACH, REACH_WIDTH = 4, 160
 side, for noise is as smooth as they are."""
 LINES, ENOUGH = 32, 1000
 """Rows and columns used; fewer differences do not distinguish noise from edges."""
-LEAST_NOISE = 0.001
-"""Noise that is too little to average, as a share of the median inverse depth: the tolerance of the law of visibility."""
 
 
 def second_differences(w: Float32Array, known: BoolArray, reach: int) -> tuple[Float32Array, BoolArray]:
@@ -84,6 +82,6 @@ def measured_noise(view: View) -> Noise:
 
 
 def noise_to_average(view: View) -> Noise:
-    """The measured noise of a layer's depth; none where there is hardly any."""
+    """The measured noise of a layer's depth; none where it is within the tolerance of the law of visibility."""
     noise = view.find_once(measured_noise)
-    return noise if noise.constant > LEAST_NOISE * noise.middle else Noise(0.0, 0.0, noise.middle)
+    return noise if noise.constant > 0.001 * noise.middle else Noise(0.0, 0.0, noise.middle)

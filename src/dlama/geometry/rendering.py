@@ -54,12 +54,8 @@ from dlama.geometry.view import View
 
 TYPE_OF_RANK = np.pad(np.array(hole_kernels.RISING, np.uint8), (0, 256 - len(hole_kernels.RISING)))
 """Hole types by rank, for cv2.LUT."""
-SEVERAL = 3
-"""Layers from which a scene is one that is drawn into many cameras: what drawing finds of a layer is kept."""
 Fill = tuple[Grid, Box, Float64Array]
 """Prepared for a part of a camera's picture, rows and columns of that, and its gains (`fills_in_view`)."""
-MOST_AT_ONCE = 2
-"""Fills that are drawn at once, each onto a canvas of its own: a canvas takes 21 bytes a pixel."""
 
 
 def render(
@@ -135,7 +131,7 @@ def draw_scene(
 ) -> Drawn:
     """A scene's layers, drawn. count: of the pixels of fills that count (`count_needed`); frames: whether they are drawn."""
     fine, errors = fine and mode == "surface", any(layer.has_errors for layer in scene.layers)
-    keep = mode == "surface" and len(scene.layers) >= SEVERAL
+    keep = mode == "surface" and len(scene.layers) > 2  # it is one that is drawn into many cameras
 
     def prepare(layer: Layer, target: Camera) -> Grid:
         return Grid(surface_of(layer) if keep else Surface(layer.load()), target, mode, fine)
@@ -176,7 +172,7 @@ def fills_in_view(scene: Scene, camera: Camera, mode: Mode) -> list[tuple[Layer,
 
 def put_fills(drawn: Drawn, fills: Sequence[Fill], count: NDArray[np.int32]) -> None:
     """Draw the surfaces of fills, in their order, over what is drawn. count: as of `draw`."""
-    canvas, step = drawn.canvas, min(threads(), MOST_AT_ONCE)
+    canvas, step = drawn.canvas, min(threads(), 2)  # at once, each onto a canvas of its own, of 21 bytes a pixel
     at_home = drawn.frame is None and any(grid.own_camera for grid in drawn.grids)
     for begin in range(0, len(fills), step):
         some = fills[begin : begin + step]

@@ -18,8 +18,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 
 WIDEST = 2
 """Largest width of a seam, px along a row or a column."""
-ONE_SURFACE = 0.03
-"""Largest relative step in inverse depth across a seam within one surface; beyond, the farther surface extends."""
 SKY = 0.08
 """Largest gap along a row, over the picture's width, into which sky extends."""
 SEAM_CONFIDENCE, SKY_CONFIDENCE = 0.9, 0.5
@@ -94,7 +92,7 @@ def join(canvas: Canvas, inverse: Float32Array, empty: NDArray[np.intp], ends: E
     before = np.where(ends.before >= 0, ends.before, ends.after)
     after = np.where(ends.after >= 0, ends.after, ends.before)
     w, v = inverse[before], inverse[after]
-    same = np.abs(w - v) <= ONE_SURFACE * np.maximum(w, v)
+    same = np.abs(w - v) <= 0.03 * np.maximum(w, v)
     share = np.where(same, ends.share, (v < w).astype(np.float32))
     colors = canvas.color.reshape(-1, 3)
     colors[empty] = np.rint(colors[before] * (1 - share)[:, None] + colors[after] * share[:, None]).astype(np.uint8)

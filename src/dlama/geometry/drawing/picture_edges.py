@@ -28,29 +28,12 @@ LOOKED_AT = 8
 """Search range, in px to either side of a depth edge, of the picture's edge."""
 LINES = 3
 """Step in rows and columns between the scanned lines."""
-STRONG, STANDS_OUT = 20.0, 2.0
-"""Least step of a picture's edge in levels (mean over channels), and its least ratio to the median step around it."""
 LEAST_EDGES = 40
 """Least number of edges."""
-REACHED = 0.8
-"""Quantile of the offsets that is the reach."""
 CLEARLY = 2
 """Least misalignment in px, at its own size, of an enlarged depth map that is more than its coarseness."""
 WIDER = 3
 """Pixels beyond that reach that move, too, if colours agree: a fifth of the edges are farther off."""
-FARTHEST, CONTRARY = 30.0, 2.0
-"""Longest path that moves a pixel; path length added by a pixel whose measured depth is another surface's."""
-RIM = 1
-"""Radius in px round an edge (and its own two) of mixed pixels."""
-BEHIND, OF = 2, 1024
-"""Pixels behind an edge of estimated depth, of a picture whose longer side is the second, whose colours are not those of their
-surface: what stands before it is mixed in, and sharpening and JPEG leave a halo there."""
-ENLARGED = 1.25
-"""Least number of picture pixels to one pixel of an enlarged map."""
-IN_BLOCKS = 0.3
-"""Least share of the pixels of an enlarged map that a neighbour has the depth of; single readings on a lattice have none."""
-LEAST_BORDERS, REGULAR = 40, 0.8
-"""Least number of borders; least share of their distances that are equal (to a pixel) in an enlarged map."""
 
 
 class MapAxis(NamedTuple):
@@ -63,15 +46,16 @@ class MapAxis(NamedTuple):
 
     @classmethod
     def of(cls, changes: BoolArray) -> MapAxis:
-        """From positions where depth changes: in an enlarged map they are a constant distance apart (to a pixel)."""
+        """From positions where depth changes: in an enlarged map 40 or more, four in five of them a constant distance apart (to a
+        pixel), of 1.25 px or more."""
         sides = len(changes) + 1
         between = np.diff(np.flatnonzero(changes))
-        if len(between) < LEAST_BORDERS:
+        if len(between) < 40:
             return cls(sides, 1.0)
         usual = between <= np.median(between) + 1
         steps = np.rint(between / between[usual].mean())  # where depth does not change a border is missing
         pixel = float(between.sum() / max(steps.sum(), 1))
-        return cls(sides, pixel if pixel >= ENLARGED and usual.mean() > REGULAR else 1.0)
+        return cls(sides, pixel if pixel >= 1.25 and usual.mean() > 0.8 else 1.0)
 
     @property
     def middles(self) -> NDArray[np.intp]:
@@ -97,7 +81,7 @@ class MapGrid(NamedTuple):
         found = cls(MapAxis.of((depth[1:] != depth[:-1]).any(1)), MapAxis.of((depth[:, 1:] != depth[:, :-1]).any(0)))
         if not found.enlarged:
             return found
-        if is_in_block(depth).sum() > IN_BLOCKS * is_valid(depth).sum():
+        if is_in_block(depth).sum() > 0.3 * is_valid(depth).sum():  # single readings on a lattice have none
             return found
         return cls(found.rows._replace(pixel=1.0), found.columns._replace(pixel=1.0))
 
@@ -170,8 +154,9 @@ def align_edges(view: View) -> AlignedDepth:
 
 
 def behind_edges(view: View) -> BoolArray:
-    """H x W, True at valid pixels within BEHIND px behind a depth edge."""
-    reach = max(1, round(BEHIND * max(view.hole.shape) / OF))
+    """H x W, True at valid pixels within 2 px (of 1024 of the longer side) behind an edge of estimated depth: what stands before
+    it is mixed into their colours, and sharpening and JPEG leave a halo there."""
+    reach = max(1, round(2 * max(view.hole.shape) / 1024))
     w = inverse_depth(np.where(view.valid, view.depth, np.float32(0)))
     nearest = np.asarray(cv2.dilate(w, square(2 * reach + 1)), np.float32)
     return view.valid & (nearest - w > 2 * JUMP * nearest) & near_jumps(w, reach)
@@ -186,7 +171,7 @@ def move_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: 
     out, room = np.empty_like(w), np.empty((len(w), ROOM), np.float32)
     target = find_other_surfaces(w, known, wide & known, levels, ratio)
     in_bands(fit_planes, len(w), Edges(w, wide, levels, ratio, 2 * (reach + WIDER)), target, room, out)
-    rim, neither = near_jumps(fill_with_nearest(out, known), RIM), np.empty_like(known)
+    rim, neither = near_jumps(fill_with_nearest(out, known), 1), np.empty_like(known)  # a px round an edge is mixed
     in_bands(find_mixed, len(w), Edges(out, rim, levels, ratio, 2 * reach), room, neither)
     depth = np.where(out != w, 1 / np.maximum(out, np.float32(1e-6)), depth)
     return AlignedDepth(depth.astype(np.float32), neither, band & known)
@@ -202,8 +187,8 @@ def find_other_surfaces(
     """
     soft = np.asarray(cv2.medianBlur(color, 3), np.float32)  # grain is no edge
     reliable = known & ~band
-    against = DepthCost(w, ratio, CONTRARY)
-    source = nearest_along_colors(soft, reliable, band, longest=FARTHEST, against=against)
+    against = DepthCost(w, ratio, added=2.0)
+    source = nearest_along_colors(soft, reliable, band, longest=30.0, against=against)
     rows, columns = np.nonzero(band & (source >= 0))
     there, across = np.divmod(source[rows, columns], w.shape[1])
     own, other = w[rows, columns], w[there, across]
@@ -229,7 +214,7 @@ def near_jumps(w: Float32Array, reach: int) -> BoolArray:
 
 
 def edge_uncertainty(view: View) -> int:
-    """Misalignment in px of measured depth edges with the picture's, the REACHED quantile; 0 where half of them are aligned."""
+    """Misalignment in px of measured depth edges with the picture's, their quantile of 0.8; 0 where half of them are aligned."""
     measured = view.valid & (view.origin == Origin.MEASURED.value)
     return edge_misalignment(view.color, view.depth, measured, view.far)
 
@@ -247,12 +232,13 @@ def edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArra
     offsets = np.concatenate([edge_offsets(w, color), edge_offsets(w.T, color.transpose(1, 0, 2))])
     if len(offsets) < LEAST_EDGES or np.median(offsets) == 0:
         return 0
-    off = int(np.quantile(offsets, REACHED))
+    off = int(np.quantile(offsets, 0.8))
     return off if not grid.enlarged else round(off * grid.largest) * (off >= CLEARLY)
 
 
 def edge_offsets(w: Float32Array, color: UInt8Array) -> NDArray[np.int64]:
-    """N distances in px, along some rows, from isolated depth edges to the nearest strong edge of the picture."""
+    """N distances in px, along some rows, from isolated depth edges to the nearest edge of the picture: a step of over 20 levels
+    (mean over channels) and twice the median one around."""
     w, color = w[LINES - 1 :: LINES], color[LINES - 1 :: LINES]
     before, after = w[:, :-1], w[:, 1:]
     jump = np.abs(after - before) > JUMP * np.maximum(before, after)
@@ -262,6 +248,6 @@ def edge_offsets(w: Float32Array, color: UInt8Array) -> NDArray[np.int64]:
     rows, around = rows[lone, None], around[lone]
     step = np.abs(color[rows, around + 1].astype(np.float32) - color[rows, around]).mean(2)
     highest = step.max(1, initial=0)
-    clear = (highest > STRONG) & (highest > STANDS_OUT * np.median(step, 1)) if len(step) else np.zeros(0, np.bool_)
+    clear = (highest > 20) & (highest > 2 * np.median(step, 1)) if len(step) else np.zeros(0, np.bool_)
     distance = np.abs(np.arange(-LOOKED_AT, LOOKED_AT + 1))
     return np.where(step[clear] > highest[clear, None] / 2, distance, LOOKED_AT).min(1, initial=LOOKED_AT)

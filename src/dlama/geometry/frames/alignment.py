@@ -26,22 +26,14 @@ from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.progress import Progress, begin_stage, take_progress
 
 Source = TypeVar("Source", RGBD, Callable[[], RGBD])
-FEATURES = 900
-"""Most features of a frame, the strongest."""
 WIDEST = 640
 """Longer side in px at which features are detected."""
 REACH = 0.032
 """Search radius round the predicted position, over the picture's width."""
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 """Distances in the sequence between two frames that are compared."""
-CHECKED, CHECKED_STEPS = 6, (1, 4, 12)
-"""How many frames are compared first, and with which: where these fit, poses are kept."""
-CLOSEST, CLEARER = 0.25, 0.64
-"""Largest squared distance of two descriptors (in 0..2) of one feature, and its largest ratio to the second best."""
 ENOUGH = 12
 """Least number of matches of a pair of frames."""
-ONE_SURFACE = 1.03
-"""Largest depth by smallest within 5 px of a feature whose depth counts."""
 FITS_PX, BETTER = 1.0, 0.75
 """Offset in px at which poses are kept as they are (median of pairs), and the factor by which others must improve."""
 
@@ -136,8 +128,8 @@ def estimate_poses(count: int, features: Callable[[int], Features]) -> Alignment
 def check_poses(count: int, features: Callable[[int], Features]) -> float:
     """Offset in px of matched points of a few pairs of frames, as `Alignment.before_px`; NaN without matches."""
     offsets = []
-    for i in range(0, count, max(1, -(-count // CHECKED))):
-        for j in (i + step for step in CHECKED_STEPS if i + step < count):
+    for i in range(0, count, max(1, -(-count // 6))):
+        for j in (i + step for step in (1, 4, 12) if i + step < count):
             one, other = features(i), features(j)
             here, there = match_features(one, other)
             if len(here) >= ENOUGH:
@@ -160,12 +152,12 @@ def read_with_pose(read: Callable[[], RGBD], pose: Float64Array) -> RGBD:
 
 
 def detect_features(frame: RGBD) -> Features:
-    """The strongest features of a frame, with its depth there."""
+    """The 900 strongest features of a frame, with its depth there."""
     camera, grey = frame.camera, cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
     if max(camera.wh) > WIDEST:
         camera = camera.resized(*smaller_size(camera.hw, WIDEST))
         grey = cv2.resize(grey, camera.wh, interpolation=cv2.INTER_AREA)
-    points, descriptors = cv2.SIFT.create(FEATURES, contrastThreshold=0.02).detectAndCompute(grey, None)
+    points, descriptors = cv2.SIFT.create(900, contrastThreshold=0.02).detectAndCompute(grey, None)
     if descriptors is None:
         return Features(camera, np.zeros((0, 2)), np.zeros((0, 128), np.float32), np.zeros(0))
     pixels = np.array([point.pt for point in points], np.float64) + 0.5
@@ -173,7 +165,7 @@ def detect_features(frame: RGBD) -> Features:
     depth = np.where(frame.valid, frame.depth, np.float32(0))
     nearest, farthest = cv2.erode(depth, square(5)), cv2.dilate(depth, square(5))
     x, y = np.clip(pixels * frame.camera.wh / camera.wh, 0, np.array(frame.camera.wh) - 1).astype(np.intp).T
-    smooth = (nearest[y, x] > 0) & (farthest[y, x] < ONE_SURFACE * nearest[y, x])
+    smooth = (nearest[y, x] > 0) & (farthest[y, x] < 1.03 * nearest[y, x])  # one surface
     surface = np.where(smooth, depth[y, x], 0).astype(np.float64)
     return Features(camera, pixels, np.sqrt(shares).astype(np.float32), surface)
 
@@ -203,7 +195,8 @@ def match_pair(i: int, j: int, one: Features, other: Features, here: np.ndarray,
 
 
 def match_features(one: Features, other: Features) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of matched features of two frames: `one` has their depth, `other` shows them at the predicted place."""
+    """Indices of matched features of two frames: `one` has their depth, `other` shows them at the predicted place. Both are the
+    other's best; squared distances of descriptors lie in 0..2."""
     nothing = np.zeros(0, np.intp), np.zeros(0, np.intp)
     at = project_features(one, other)
     ahead = np.flatnonzero(np.isfinite(at[:, 0]))
@@ -214,10 +207,10 @@ def match_features(one: Features, other: Features) -> tuple[np.ndarray, np.ndarr
     best, back = distance.argmin(1), distance.argmin(0)
     number = np.arange(len(ahead))
     closest = distance[number, best]
-    good = (closest < CLOSEST) & (back[best] == number)
+    good = (closest < 0.25) & (back[best] == number)
     one_place = squared_distances(other.pixels[best[good]], other.pixels) < 4  # a place has several orientations
     second = np.where(one_place, np.inf, distance[good]).min(1)
-    good[good] = closest[good] < CLEARER * second
+    good[good] = closest[good] < 0.64 * second
     return ahead[good], best[good]
 
 

@@ -26,8 +26,6 @@ WORTH = np.array([1.0, 0.35, 0.15, 0.05, 0.02, 0.01])
 """Value of the first, second, ... frame that shows a cell: the first shows it, the next confirm it."""
 LEAST_WORTH = 0.5
 """Least value, in cells, that a frame must add."""
-OCCLUDED = 0.9
-"""Ratio to the nearest depth in its cell below which a sample is occluded."""
 MARGIN = 0.05
 """Margin of the frustum, over the picture's size: rims are drawn a little larger."""
 
@@ -144,7 +142,7 @@ def find_visible(frames: Sequence[Layer], camera: Camera) -> tuple[list[int], Fl
     visible = [int(place) for place in np.flatnonzero(intersects_view(np.stack([one.box for one in samples]), camera))]
     seen = [frames[place] for place in visible], [samples[place] for place in visible]
     quality, nearest = _score_visibility(*seen, camera)
-    return visible, quality * (nearest * OCCLUDED <= nearest.min(0, initial=np.inf))
+    return visible, quality * (nearest * 0.9 <= nearest.min(0, initial=np.inf))
 
 
 def count_unseen(frames: Sequence[Layer], place: int) -> tuple[int, int]:

@@ -11,10 +11,6 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 
-IN_FRONT = 0.02
-"""Least excess of an object's inverse depth over the background's, relative."""
-ROUNDS = 300
-"""Rounds of relaxation, after a coarse-to-fine start."""
 NEXT_PX, NEXT = 2, 0.05
 """Pixels and relative depth between two parts of one object."""
 
@@ -33,14 +29,14 @@ def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
     known = (frame.valid | frame.far)[part] & ~dilate_mask(candidates[part], 1)
     _, nearest = nearest_known(candidates[part])
     known &= inverse <= (1 + AGREES) * inverse.ravel()[nearest]
-    out[part] = candidates[part] & (inverse > (1 + IN_FRONT) * interpolate_harmonic(inverse, known))
+    out[part] = candidates[part] & (inverse > 1.02 * interpolate_harmonic(inverse, known))
     return out
 
 
 def interpolate_harmonic(values: Float32Array, known: BoolArray) -> Float32Array:
-    """H x W, the known values and their harmonic interpolation."""
+    """H x W, the known values and their harmonic interpolation: relaxation after a coarse-to-fine start."""
     found = fill_from_coarse(values, known)
-    for _ in range(ROUNDS):
+    for _ in range(300):
         edged = cv2.copyMakeBorder(found, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         around = edged[:-2, 1:-1] + edged[2:, 1:-1] + edged[1:-1, :-2] + edged[1:-1, 2:]
         found = np.where(known, values, around / 4)

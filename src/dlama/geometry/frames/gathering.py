@@ -36,8 +36,6 @@ from dlama.geometry.scene import Scene, contribution, name_of_number
 from dlama.geometry.view import View
 from dlama.progress import Progress, begin_stage, take_progress
 
-SAME_POSE = 1e-6
-"""Of the entries of two poses that may be the same."""
 OUTLIER = 0.5
 """A frame is an outlier if it agrees with the others so many times less than their median does. Frames of which fewer points than
 this share lie on common surfaces contradict one another: recorded ones have 0.9 and more, poses read in a wrong convention less
@@ -143,7 +141,7 @@ def _drop_duplicates(views: Sequence[Layer], called: Sequence[str]) -> list[int]
     poses = np.stack([view.camera.world_from_cam for view in views])
     kept: list[int] = []
     for place, view in enumerate(views):
-        near = np.abs(poses[kept] - poses[place]).max((1, 2), initial=0) <= SAME_POSE
+        near = np.abs(poses[kept] - poses[place]).max((1, 2), initial=0) <= 1e-6
         alike = (kept[row] for row in np.flatnonzero(near) if views[kept[row]].camera.same_view_as(view.camera))
         twin = next((one for one in alike if np.array_equal(views[one].load().color, view.load().color)), None)
         if twin is None:

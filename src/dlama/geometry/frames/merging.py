@@ -31,13 +31,8 @@ from dlama.geometry.rgbd import Float32Array, UInt16Array, paste, replace_pixels
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
-LOOKED_THROUGH_PX = 2
-"""A frame sees through a point only if it has no near depth within so many px: poses drift."""
 KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 5_000_000
 """Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have together at most."""
-BEHIND, AROUND_PX = 1.15, 16
-"""Depth over that of the surface that continues behind a removed object, from which a pixel is behind that surface; px round the
-object in which the surface is known."""
 UNLIKE, UNLIKE_PX = 8.0, 7
 """Largest difference in levels, of means over squares of so many px and over channels, between a frame's colours where its depth
 is missing and those of another frame whose depth is taken. Beyond it that one shows what lies behind: no frame measured the
@@ -117,9 +112,10 @@ def surface_of(layer: Layer) -> Surface:
 
 @keep_latest
 def nearest_depth_around(view: View) -> Float32Array:
-    """H x W, the nearest depth measured within LOOKED_THROUGH_PX of each pixel with depth; 0 elsewhere, inf = far."""
+    """H x W, the nearest depth measured within 2 px of each pixel with depth, as poses drift: what is before it was seen through;
+    0 elsewhere, inf = far."""
     measured = ~view.hole & (view.depth > 0) & from_source(view.origin)
-    nearest = cv2.erode(np.where(measured, view.depth, np.float32(np.inf)), square(2 * LOOKED_THROUGH_PX + 1))
+    nearest = cv2.erode(np.where(measured, view.depth, np.float32(np.inf)), square(5))
     return np.where(measured, nearest, np.float32(0))
 
 
@@ -136,15 +132,15 @@ def confidence_margin(frame: View, mode: Mode) -> Float32Array:
 
 
 def _open_gaps(canvas: Canvas, best: UInt16Array, own: View, others: Sequence[View]) -> None:
-    """Make holes of the pixels of a removed object in which other frames show what is BEHIND the surface that continues from
-    around them, where none of them saw through that surface: they only did not see it either."""
+    """Make holes of the pixels of a removed object in which other frames show what is clearly behind the surface that continues
+    from around them, where none of them saw through that surface: they only did not see it either."""
     removed = own.hole & (own.hole_type == HoleType.OBJECT.value) & (best > 0)
     if not removed.any():
         return
-    box = box_around(removed, AROUND_PX)
+    box = box_around(removed, 16)
     known = (own.valid | own.far)[box]
     surface = interpolate_harmonic(inverse_depth(own.known_depth)[box], known)
-    rows, columns = np.nonzero(removed[box] & (surface > BEHIND * inverse_depth(canvas.depth)[box]))
+    rows, columns = np.nonzero(removed[box] & (surface > 1.15 * inverse_depth(canvas.depth)[box]))
     if not len(rows):
         return
     v, u = rows + box[0].start, columns + box[1].start

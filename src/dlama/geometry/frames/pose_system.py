@@ -10,14 +10,8 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 
-KNOWN_RAD, KNOWN_M = np.radians(0.5), 0.02
-"""Standard deviation of the given poses."""
 DEPTH_NOISE = (0.015, 0.006)
 """Standard deviation of two depths' difference at z: hypot(0.015, 0.006 z^2) metres."""
-FIRST_PX, LAST_PX, NARROWS = 6.0, 1.0, 0.7
-"""Scale of the robust weights (Geman-McClure) in the first round and the last, and its factor per round."""
-ROUNDS, SOLVER_STEPS, SOLVED = 12, 60, 1e-5
-"""Of Gauss-Newton, and of the conjugate gradients within, which end early at such a relative residual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,17 +49,17 @@ def measure_offset(matches: Matches, cameras: Sequence[Camera]) -> float:
 
 
 def adjust_poses(matches: Matches, cameras: Sequence[Camera]) -> list[Float64Array]:
-    """The poses (world_from_cam) that fit the matches best."""
+    """The poses (world_from_cam) that fit the matches best: Gauss-Newton with robust weights (Geman-McClure), which narrow."""
     lens = np.array([[camera.fx, camera.fy, camera.cx, camera.cy] for camera in cameras])
     given = np.stack([camera.world_from_cam for camera in cameras])
-    poses, scale = given.copy(), FIRST_PX
-    for _ in range(ROUNDS):
+    poses, scale = given.copy(), 6.0  # px
+    for _ in range(12):
         diagonal, blocks, right = _normal_equations(matches, poses, given, lens, scale)
         step = _solve(diagonal, blocks, matches.one[matches.starts], matches.other[matches.starts], -right)
         for pose, (turn, shift) in zip(poses, step.reshape(-1, 2, 3)):
             pose[:3, :3] = cv2.Rodrigues(turn)[0] @ pose[:3, :3]
             pose[:3, 3] += shift
-        scale = max(LAST_PX, NARROWS * scale)
+        scale = max(1.0, 0.7 * scale)
     return list(poses)
 
 
@@ -119,8 +113,8 @@ def _weights(matches: Matches, miss: Float64Array, deep: Float64Array, scale: fl
 
 
 def _prior(poses: Float64Array, given: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """The prior of the given poses: K x 6 x 6, and K x 6 gradients."""
-    precision = np.array([*[1 / KNOWN_RAD**2] * 3, *[1 / KNOWN_M**2] * 3])
+    """The prior of the given poses, known to half a degree and 2 cm: K x 6 x 6, and K x 6 gradients."""
+    precision = np.array([*[1 / np.radians(0.5) ** 2] * 3, *[1 / 0.02**2] * 3])
     turns = np.stack([cv2.Rodrigues(pose[:3, :3] @ old[:3, :3].T)[0].ravel() for pose, old in zip(poses, given)])
     off = np.concatenate([turns, poses[:, :3, 3] - given[:, :3, 3]], 1)
     return np.broadcast_to(np.diag(precision), (len(poses), 6, 6)).copy(), precision * off
@@ -148,8 +142,8 @@ def _solve(
     along = ready = np.einsum("nab,nb->na", inverse, residual)
     size = float((residual * ready).sum())
     first = size
-    for _ in range(SOLVER_STEPS):
-        if size <= SOLVED**2 * first:
+    for _ in range(60):
+        if size <= 1e-5**2 * first:
             break
         image = np.einsum("nab,nb->na", diagonal, along)
         np.add.at(image, one, np.einsum("nab,nb->na", blocks, along[other]))

@@ -19,11 +19,6 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.progress import begin_stage
 
-GROWTH_PX = 3
-"""Growth of a mask in px in a picture of up to GROWTH_WIDTH px, as compression and blur spread an object's colours. In larger
-pictures it scales with the width."""
-GROWTH_WIDTH = 1024
-
 
 class Growth(NamedTuple):
     """Growth of masks before their pixels leave the frames."""
@@ -56,12 +51,13 @@ class Removal(NamedTuple):
 
 
 def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
-    """`dilate` px where given; else GROWTH_PX, scaled for pictures wider than GROWTH_WIDTH."""
+    """`dilate` px where given; else 3, as compression and blur spread an object's colours, and in proportion more in pictures of
+    more than 1024 px."""
     check_count(dilate, "dilate", 0)
     if dilate is not None:
         return Growth(int(dilate), "as given")
     widest = max(max(frame.camera.wh) for frame in scene.frames)
-    return Growth(round(GROWTH_PX * max(1.0, widest / GROWTH_WIDTH)), f"by the picture's longer side, {widest} px")
+    return Growth(round(3 * max(1.0, widest / 1024)), f"by the picture's longer side, {widest} px")
 
 
 def remove_masked(scene: Scene, masks: Iterable[BoolArray], growth: Growth) -> Removal:

@@ -19,8 +19,6 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array, brighten
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import View
 
-MOST_COMPARED = 6
-"""Most frames that each frame is compared with."""
 FLOOR, SIGMAS = 0.01, 3.0
 """Relative depth difference, and standard deviations of the noise, within which two frames show one surface."""
 
@@ -68,7 +66,7 @@ def keep_new_points(frame: View, bits: UInt8Array, gain: Float64Array) -> View:
 def new_points(scene: Scene, place: int) -> BoolArray:
     """H x W, True at the pixels of a frame that no earlier frame shows and no other frame saw through."""
     frame = scene.frames[place].load()
-    held = [one for one in choose_frames(scene.frames, frame.camera, MOST_COMPARED) if one != place]
+    held = [one for one in choose_frames(scene.frames, frame.camera, most=6) if one != place]
     added = frame.valid.copy()
     limits = np.array([FLOOR, SIGMAS * scene.noise[0], SIGMAS * scene.noise[1]])
     for each in held:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import Pixel, Real, Whole, inlined, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
-DIAGONAL = 1.41421356
-"""Length of a step to a diagonal neighbour, in pixels."""
 STEP, DEAREST = 8.0, 60.0
 """Colour step in levels that doubles a path's cost, and the largest cost of a step."""
 
@@ -77,7 +75,7 @@ def nearest_by_color(
                         continue
                     known = source[y, x]
                     end = known // columns, known % columns
-                    length = DIAGONAL if k == 1 or k == 3 else 1.0
+                    length = 1.41421356 if k == 1 or k == 3 else 1.0  # px
                     whole = distance[y, x] + length * step_cost(color, (row, column), (y, x), end, against)
                     if whole < best:
                         best, chosen = whole, known

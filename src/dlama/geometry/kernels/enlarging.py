@@ -12,8 +12,6 @@ Neighbours = tuple[Whole, Whole, Real]
 """The two cells around a coordinate, and the offset to the second, 0 .. 1."""
 Places = NDArray[np.int64]
 """N flat, row-major indices of pixels."""
-BAND = 4096
-"""Pixels per task."""
 
 
 @piece
@@ -50,5 +48,5 @@ def enlarge_at(grid: Float32Array, pixels: Places, width: int, cell: tuple[float
     """N x C: a grid (rows x columns x C) of cells of so many pixels (height, width), at the pixels of a picture `width` wide."""
     out = np.empty((len(pixels), grid.shape[2]), np.float32)
     high, wide = (float(side) for side in cell)
-    in_bands(enlarge_rows, len(pixels), as_input(grid), as_input(pixels), width, (high, wide), out, band=BAND)
+    in_bands(enlarge_rows, len(pixels), as_input(grid), as_input(pixels), width, (high, wide), out, band=4096)
     return out

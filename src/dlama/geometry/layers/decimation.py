@@ -26,12 +26,8 @@ LARGEST = 64
 """px of the largest triangles' legs, a power of 2: larger ones would save little."""
 DEPTH_SHARE, ESTIMATED_SHARE = 1e-3, 5e-3
 """Share of the depth by which triangles may miss it, and where it was estimated: no estimate is as right as that."""
-DEVIATIONS = 3.0
-"""Standard deviations of the noise of measured inverse depth by which triangles may miss it."""
 SPECK = 5
 """px a side of the square within which the origin of most pixels counts."""
-SQUARE = ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5))
-"""The corners of a pixel, from its centre."""
 
 DIAGONALS = (
     (True, (0, 1), ((0, 0), (0, 1), (1, 1))),
@@ -100,7 +96,9 @@ def decimate(
     rows, columns = rows + box[0].start, columns + box[1].start
     pixels = np.stack([columns, rows], 1) + 0.5
     places = pixels.copy()
-    places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
+    places[len(places) - len(squares) * 2 :] += np.tile(
+        [(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)], (len(lone_rows), 1)
+    )
     planes = (freeze(plane[rows, columns]) for plane in (view.color, view.origin, view.confidence))
     vertices = unproject(view.camera, places[:, 0], places[:, 1], placed)
     mesh = Mesh(freeze(vertices), freeze(np.concatenate([numbers[:, ::-1], squares[:, ::-1]])), *planes)
@@ -108,10 +106,11 @@ def decimate(
 
 
 def noise_tolerance(view: View, share: float) -> float:
-    """Inverse depth (1/m) by which triangles may miss noisy depth, for smaller ones would show its noise; 0 where that is less
-    than a `share` of the depth or DEPTH_METRES at the median distance: depth counts as exact."""
+    """Inverse depth (1/m) by which triangles may miss noisy depth, for smaller ones would show its noise: three standard
+    deviations of that; 0 where they are less than a `share` of the depth or DEPTH_METRES at the median distance: depth counts as
+    exact."""
     noise = view.find_once(measured_noise)
-    tolerance = DEVIATIONS * noise.constant
+    tolerance = 3 * noise.constant
     return tolerance if tolerance > noise.middle * max(share, kernels.DEPTH_METRES * noise.middle) else 0.0
 
 

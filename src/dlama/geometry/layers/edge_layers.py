@@ -21,7 +21,6 @@ from dlama.geometry.view import View
 
 BEHIND = np.float32(0.98)
 """Of its inverse depth, by which the layer lies behind what it continues: it shows where nothing else does."""
-CONFIDENCE = np.float32(0.2)
 STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 """Rows and columns to the neighbours: to the right, left, down and up."""
 
@@ -67,7 +66,7 @@ def lay_behind(view: View, added: BoolArray, w: Float32Array, source: NDArray[np
         hole=view.hole & ~added,
         hole_type=np.where(added, np.uint8(HoleType.DISOCCLUDED), np.uint8(HoleType.NONE)),
         origin=np.where(added, np.uint8(Origin.FILLED), view.origin),
-        confidence=np.where(added, CONFIDENCE, view.confidence),
+        confidence=np.where(added, np.float32(0.2), view.confidence),
         errors=None,
     )
 

@@ -20,18 +20,10 @@ PARALLAX = 0.04
 """Share of the picture's width by which the median pixel moves between the left and the right end of the box."""
 LEAST_ANGLE, LARGEST_ANGLE = 1.0, 12.0
 """Degrees of the default box: a flat scene would ask for ever more, and beyond little of what is seen was measured."""
-TO_NEAREST, NEAREST = 0.3, 0.02
-"""Share of the way to the nearest surface (this quantile of the depth) that the default box may go forward."""
-FORWARD = 0.5
-"""The default reach forward and back, in that to the side."""
 WIDEST = 0.3
 """Share of its size by which the picture of the wide camera grows at each side, at most."""
 BEHIND, TOWARDS = 0.1, 0.66
 """Share of the surfaces that the default box may see from behind, such as a floor; and of the way there that it may go."""
-COARSE = 96
-"""Rows and columns at which that is looked for, at most."""
-SMALL_PARALLAX = 0.5
-"""px by which surfaces that are drawn as one move apart at most."""
 SIDES = (-1.0, 0.0, 1.0)
 
 
@@ -64,7 +56,8 @@ class HeadBox:
 
         angle: degrees; None: so that the median parallax between its left and right end is PARALLAX of the width, and so that no
             camera comes to the back of large surfaces (`way_to_back`): under the floor.
-        distance: share of the pivot's distance; None: half of what `angle` moves to the side.
+        distance: share of the pivot's distance; None: half of what `angle` moves to the side, but no more than 0.3 of the way to
+            the nearest surface (2 % of the depth are nearer).
         DepthError: no depth is valid.
         """
         seen = view.valid | view.far
@@ -73,14 +66,14 @@ class HeadBox:
         if not near.size:
             raise DepthError("no pixel of the picture has a depth, so there is nothing to turn about")
         pivot = 1 / float(np.median(near))
-        nearest = 1 / float(np.quantile(near, 1 - NEAREST))
+        nearest = 1 / float(np.quantile(near, 0.98))
         spread = max(float(np.median(np.abs(w - 1 / pivot))), 1e-9)
         if angle is None:
             aside = PARALLAX / 2 * view.camera.width / (view.camera.fx * spread)
             found = math.degrees(math.atan(min(aside, TOWARDS * way_to_back(view)) / pivot))
             angle = min(max(found, LEAST_ANGLE), LARGEST_ANGLE)
         if distance is None:
-            distance = min(FORWARD * math.tan(math.radians(min(angle, 45.0))), TO_NEAREST * nearest / pivot)
+            distance = min(0.5 * math.tan(math.radians(min(angle, 45.0))), 0.3 * nearest / pivot)
         return cls(view.camera, pivot, angle, distance)
 
     def at(self, across: float, up: float, forward: float) -> Camera:
@@ -96,9 +89,9 @@ class HeadBox:
         return [self.at(*place) for place in places] if self.angle > 0 or self.distance > 0 else []
 
     def step_that_shows(self, camera: Camera) -> float:
-        """Step in inverse depth (1/m) that moves two surfaces apart by SMALL_PARALLAX px of a camera's picture from the middle of
-        the box to its side."""
-        return SMALL_PARALLAX / max(camera.fx * self.pivot * math.tan(math.radians(self.angle)), 1e-9)
+        """Step in inverse depth (1/m) that moves two surfaces apart by half a pixel of a camera's picture from the middle of the
+        box to its side: what moves less is drawn as one."""
+        return 0.5 / max(camera.fx * self.pivot * math.tan(math.radians(self.angle)), 1e-9)
 
     def wide(self, forward: float = 0.0) -> Camera:
         """The camera so far forward (-1..1), with a picture so much larger that it holds what the others see at the pivot and
@@ -128,7 +121,7 @@ def way_to_back(view: View) -> float:
 
     A surface element at p with the normal n is seen from behind beyond s = n p / n d in the direction d.
     """
-    rows, columns = (np.linspace(0, side - 1, min(side, COARSE)).astype(np.intp) for side in view.camera.hw)
+    rows, columns = (np.linspace(0, side - 1, min(side, 96)).astype(np.intp) for side in view.camera.hw)
     depth = np.where(view.valid, view.depth, np.nan)[np.ix_(rows, columns)].astype(float)
     rays = np.stack([*np.meshgrid(columns + 0.5, rows + 0.5), np.ones(depth.shape)], 2) @ np.linalg.inv(view.camera.K).T
     points = depth[..., None] * rays

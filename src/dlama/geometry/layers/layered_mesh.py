@@ -41,13 +41,8 @@ from dlama.geometry.view import View
 TOLERANCES, LEAST_SHARE, LARGEST_SHARE = (0.1, 0.25, 0.5, 1.0), 0.002, 0.05
 """px of the grid by which depth that is off may move a pixel to the side of the box, from which the first is taken that gives few
 enough triangles; the least and the largest share of the depth that this may be."""
-SOURCE_SHARE = 0.5
-"""Of the triangles."""
 GRID_PIXELS = 600_000
 """Vertices are pixels of layers that are subsampled to so many; colours are not."""
-BEHIND = 0.002
-"""Share of the distance by which fills lie behind what they join, and by a quarter of what their depth may be off each behind
-the one before it, lest the two show in turn."""
 IN_FRONT = 0.95
 """Share of the measured depth; what is nearer than that is another surface, which hides it."""
 BACKDROP, BACKDROP_STEP, BACKDROP_REACH = 48, 4, 10
@@ -59,7 +54,7 @@ SKY, FARTHEST = 4.0, 0.98
 def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPart]:
     """The layers of a scene, those of the box's camera first, with about `most_triangles` in all, at most.
 
-    The source takes SOURCE_SHARE of them. Where the largest of TOLERANCES does not do, vertices are fewer pixels. The last part
+    The source takes half of them. Where the largest of TOLERANCES does not do, vertices are fewer pixels. The last part
     is what is soft of the source, its picture with alpha.
     """
     distance = sky_distance(scene, box)
@@ -82,16 +77,15 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
                 yield move_back(drop_in_front(part, box.camera, home), box.camera, behind(number, share))
         yield move_back(backdrop, box.camera, behind(len(others) + 1, share))
 
-    own = fit_triangles(
-        lambda n, share: (sheet.mesh(share) for sheet in sheets(n)), step, shares, most_triangles * SOURCE_SHARE
-    )
+    own = fit_triangles(lambda n, share: (sheet.mesh(share) for sheet in sheets(n)), step, shares, most_triangles / 2)
     rest = most_triangles - sum(len(part.mesh.triangles) for part in own)
     return [*own[:-1], *fit_triangles(fills, 2 * step, shares[1:], rest), own[-1]]
 
 
 def behind(number: int, share: float) -> float:
-    """Share of the distance by which the number-th fill lies behind what it joins, where its depth may be off by a share."""
-    return BEHIND + (1 + number / 4) * share
+    """Share of the distance by which the number-th fill lies behind what it joins, and behind the one before it, lest the two
+    show in turn; its depth may be off by a share."""
+    return 0.002 + (1 + number / 4) * share
 
 
 def mesh_backdrop(scene: Scene, box: HeadBox, sky: float) -> MeshPart:

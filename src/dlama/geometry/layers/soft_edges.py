@@ -26,8 +26,6 @@ from dlama.geometry.view import View
 APART, STEEP = np.float32(0.98), np.float32(0.8)
 """Inverse depth of the far surface in the near one's, at most: what is closer needs no border of its own; and of neighbours
 of one surface, at least: what is steeper is a blurred edge."""
-REACH, LEAST_REACH = 0.006, 2.0
-"""To each side of a depth edge, in the width and in px of the grid."""
 RINGS, DIRECTIONS = (0.8, 1.4, 2.2), 10
 """Where colours are sampled: distances in the reach, and how many on each ring."""
 NOISE = 0.08
@@ -95,7 +93,7 @@ def find_soft_edges(color: UInt8Array, w: Float32Array, joined: UInt8Array, step
 
     w: h x w inverse depth (1/m), 0 = hole; joined: its bits RIGHT and DOWN.
     """
-    reach = max(LEAST_REACH, REACH * w.shape[1])
+    reach = max(2.0, 0.006 * w.shape[1])  # px of the grid, to each side of an edge
     near_edge, far_edge = find_edges(w, joined)
     (to_near, at_near), (to_far, at_far) = nearest_known(near_edge), nearest_known(far_edge)
     near, far = w.ravel()[at_near], w.ravel()[at_far]

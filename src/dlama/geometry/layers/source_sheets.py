@@ -27,8 +27,6 @@ from dlama.geometry.view import View
 
 OPAQUE, BLOCK = 0.97, 4
 """Share of the near surface from which a pixel is opaque; px of the grid."""
-UNDER = 0.002
-"""Share of the distance by which far surfaces lie behind themselves where they reach under near ones."""
 
 
 class MeshPart(NamedTuple):
@@ -96,7 +94,7 @@ def cut_source(source: View, box: HeadBox, step: int, sky: float) -> list[Sheet]
     )
     return [
         Sheet(layer, grid(np.where(opaque, depth, 0)), picture, step, 0.0, True),
-        Sheet(as_depth(layer, far), grid(far), small, 1, UNDER, False),
+        Sheet(as_depth(layer, far), grid(far), small, 1, 0.002, False),  # it reaches under the near one
         Sheet(as_depth(layer, near), grid(near), front, step, 0.0, True),
     ]
 

@@ -11,8 +11,6 @@ from dlama.errors import CameraError
 
 Float64Array = NDArray[np.float64]
 
-ROTATION_TOLERANCE = 1e-3
-"""Largest entry of R^T R - I that still counts as a rotation (7-Scenes' published poses reach 4e-4)."""
 FARTHEST_M = 1e9
 """Metres: no camera stands farther from the world's origin (geo-referenced ones up to 1e7)."""
 QUATERNION_TOLERANCE = 1e-3
@@ -112,8 +110,8 @@ def check_pose(pose: ArrayLike) -> Float64Array:
     if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9):
         raise CameraError(f"world_from_cam ends with the row {matrix[3].tolist()}; 0 0 0 1 is expected")
     rotation = matrix[:3, :3]
-    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if error > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())  # 7-Scenes' published poses reach 4e-4
+    if error > 1e-3 or np.linalg.det(rotation) < 0:
         kind = "a mirroring" if np.linalg.det(rotation) < 0 else f"off by {error:.3g} from orthonormal"
         raise CameraError(f"world_from_cam is not a rigid motion: its 3x3 part is {kind}; a rotation is expected")
     if error > 1e-12:

@@ -17,12 +17,6 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array, UInt16Array
 FLOOR = 5e-3
 """Relative depth within which two drawings of one surface lie even without noise (as layers of a scene are fused)."""
 SIGMAS = 3.0
-ANGLE, ZOOM = 0.2, 1.0
-"""Radians between two lines of sight, and logarithm of how much coarser a pixel is, that cost as much as each other."""
-SHARP = 4.0
-"""How fast a frame's share of the colour falls with its cost: the best one prevails, equally good ones blend."""
-SAFE_PX = 12.0
-"""Pixels from a border or a depth edge from which a frame's colour counts fully."""
 LEAST = 1e-6
 CLIPPED, CLIPPED_SHARE = (215.0, 250.0), 0.05
 """Levels between which a colour saturates, and its least weight."""
@@ -30,8 +24,6 @@ REPROJECTED, DEPTH_FILLED, ELSEWHERE = (
     code.value for code in (Origin.REPROJECTED, Origin.DEPTH_FILLED, Origin.ELSEWHERE)
 )
 """Of the last two the colour is a frame's own, the depth is not."""
-FARTHEST = 1e6
-"""Distance in metres that stands for far when frames are weighed."""
 
 
 class Frames(NamedTuple):
@@ -95,20 +87,24 @@ def sees_through(frames: Frames, frame: Whole, row: Whole, column: Whole, depth:
 
 @inlined
 def color_weight(frames: Frames, frame: Whole, row: Whole, column: Whole, depth: Real, lens: Float64Array) -> Real:
-    """How well a frame shows the point at `depth` on a target pixel's ray: angle, resolution, distance to border and edges."""
+    """How well a frame shows the point at `depth` on a target pixel's ray: the best one prevails, equally good ones blend.
+
+    0.2 radians between the lines of sight cost as much as pixels that are e times as coarse; 12 px from a border or a depth edge
+    the colour counts fully.
+    """
     matrix, offset, margin, center = frames.matrix, frames.offset, frames.margin, frames.center
     x, y = depth * (column + 0.5 - lens[2]) / lens[0], depth * (row + 0.5 - lens[3]) / lens[1]
     u, v, w = x - center[frame, 0], y - center[frame, 1], depth - center[frame, 2]
     here, there = math.sqrt(x * x + y * y + depth * depth), math.sqrt(u * u + v * v + w * w)
     cosine = (x * u + y * v + depth * w) / max(here * there, LEAST)
     coarser = math.log(max(1.0, there * lens[0] / max(here * center[frame, 3], LEAST)))
-    cost = math.acos(min(1.0, max(-1.0, cosine))) / ANGLE + coarser / ZOOM
+    cost = math.acos(min(1.0, max(-1.0, cosine))) / 0.2 + coarser
     ax, ay, az = ray(matrix[frame], row, column)
     z = depth * az + offset[frame, 2]
     px = min(margin.shape[2] - 1.0, max(0.0, (depth * ax + offset[frame, 0]) / max(z, LEAST)))
     py = min(margin.shape[1] - 1.0, max(0.0, (depth * ay + offset[frame, 1]) / max(z, LEAST)))
-    safe = min(1.0, (margin[frame, np.int64(py), np.int64(px)] + 0.5) / SAFE_PX)
-    return max(LEAST, math.exp(-SHARP * cost) * safe * safe)
+    safe = min(1.0, (margin[frame, np.int64(py), np.int64(px)] + 0.5) / 12.0)
+    return max(LEAST, math.exp(-4.0 * cost) * safe * safe)
 
 
 @inlined
@@ -153,7 +149,7 @@ def shade(
     for k in range(len(frames.depth)):
         z = shows(frames, k, row, column, seen.measured)
         if seen.nearest <= z <= seen.limit:
-            w = color_weight(frames, k, row, column, min(seen.mean, FARTHEST), lens)
+            w = color_weight(frames, k, row, column, min(seen.mean, 1e6), lens)  # far is finite
             r, g, b = (
                 np.float64(color[k, row, column, 0]), np.float64(color[k, row, column, 1]), np.float64(color[k, row, column, 2])
             )  # fmt: skip

@@ -19,8 +19,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 Four = tuple[Real, Real, Real, Real]
 """Weights of four pixels."""
 
-POLE = math.sqrt(3) - 2
-"""Of the cubic B-spline's inverse filter (Unser, Aldroubi, Eden 1993)."""
 REACH = 6
 """Pixels to either side that the inverse filter reads; beyond, its weights are below 2e-4."""
 WINDOW = 8
@@ -31,8 +29,8 @@ RED = np.int64(0)
 
 
 def spline(color: UInt8Array) -> Float32Array:
-    """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour."""
-    inverse = math.sqrt(3) * POLE ** np.abs(np.arange(-REACH, REACH + 1))
+    """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour (Unser, Aldroubi, Eden 1993)."""
+    inverse = math.sqrt(3) * (math.sqrt(3) - 2) ** np.abs(np.arange(-REACH, REACH + 1))
     inverse = (inverse / inverse.sum()).astype(np.float32)
     knots = np.empty(color.shape, np.float32)
 
