@@ -101,7 +101,9 @@ def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
 
 def _spy_on_jobs(spy: Callable[..., None]) -> None:
     """view, remove, stereo and demo: reading, the three functions, writing."""
-    meta: dict[str, Any] = {"seconds": {}, "stereo": {}}
+    shares = ("hole_share", "depth_only_share", "hole_share_by_type")
+    meta: dict[str, Any] = dict.fromkeys((*shares, "filler", "nothing_visible", "law_violations"))
+    meta |= {"seconds": {}, "stereo": {}, "recipe": {"name": "dlama"}}
     done = dlama.Completion((), (), None, None, meta)  # type: ignore[arg-type]
     about = {"field_of_view": {"from": "fov"}, "estimator": "a network", "scale": {"rule": "assumed"}}
     spy("dlama.jobs.verbs.write_depth")
@@ -135,7 +137,6 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
         spy(f"dlama.{place}.semantic_picture", Path("semantic.png"))
     spy("dlama.apps.reading.Command.write_mask")
     spy("dlama.apps.reading.summary_line", "")
-    spy("dlama.apps.reading.summary_values", {})
     spy("dlama.apps.verbs.demo.new_directory", through=True)
     spy("dlama.apps.verbs.demo.demo_panels", [])
     spy("dlama.apps.verbs.demo.demo_legend", [])

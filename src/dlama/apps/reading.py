@@ -55,10 +55,14 @@ class Command(JobInputs):
             self.report_depth(done, output)
 
     def report_completion(self, done: dlama.Completion, place: Path, parameters: Parameters) -> None:
-        """The line about a result that lies in a place."""
+        """The line about a result that lies in a place; as values its shares view by view, and the seconds of all stages."""
+        meta: Mapping[str, Any] = done.meta
         files = file_names(done, **select(parameters, RESULTS))
-        line = summary_line(done.meta, place, self.result.seconds)
-        self.result.add(line, **summary_values(done.meta, place, files, self.stages))
+        names = ("filler", "hole_share", "depth_only_share", "hole_share_by_type", "nothing_visible", "law_violations")
+        values = {"recipe": meta["recipe"]["name"], **{name: meta[name] for name in names}}
+        seconds = {**self.stages, **meta["seconds"]}
+        line = summary_line(meta, place, self.result.seconds)
+        self.result.add(line, output=str(place), files=files, **values, seconds_by_stage=seconds)
 
     def report_depth(self, rgbd: RGBD, output: Path) -> None:
         """The line about estimated depth."""
@@ -158,15 +162,6 @@ def remaining_shadow(meta: Mapping[str, Any], with_shadow: bool) -> str:
     """For the last line: what is known of a shadow that stays, and the option; "" where there is none, or it was removed."""
     stays = "" if with_shadow else describe_remaining_shadow(meta)
     return f"; {stays}: --with-shadow removes it, too" if stays else ""
-
-
-def summary_values(
-    meta: Mapping[str, Any], place: Path, files: list[str], stages: Mapping[str, float]
-) -> dict[str, Any]:
-    """The same, JSON-ready; shares view by view, and with the seconds of stages round the completion."""
-    names = ("filler", "hole_share", "depth_only_share", "hole_share_by_type", "nothing_visible", "law_violations")
-    values = {"recipe": meta["recipe"]["name"], **{name: meta[name] for name in names}}
-    return {"output": str(place), "files": files, **values, "seconds_by_stage": {**stages, **meta["seconds"]}}
 
 
 def mask_notes(chosen: str, candidates: Iterable[str], notes: Iterable[str]) -> str:

@@ -119,7 +119,8 @@ def measure_methods(
         summary = write_report(output, found, done, settings, seed=methods.seed, command=command)
         for line in (*headlines(summary), *reliability_lines(summary)):
             result.add(line)
-        result.add(summary_line(done, output), **summary_values(done, output))
+        counts = {"results": len(done.stored), "reused": done.reused, "stale": done.stale, "failed": len(done.failures)}
+        result.add(summary_line(done, output), output=str(output), report=str(output / "report.html"), **counts)
     if done.failures:
         raise SystemExit(FAILED)
 
@@ -143,12 +144,6 @@ def summary_line(done: Results, output: Path) -> str:
     counts = format_count(len(done.stored), "result") + (f" ({how})" if how else "")
     failed = f", {len(done.failures)} failed ({output / 'errors.json'})" if done.failures else ""
     return f"{output / 'report.html'}: {counts}{failed}"
-
-
-def summary_values(done: Results, output: Path) -> dict[str, Any]:
-    """The same, JSON-ready."""
-    counts = {"results": len(done.stored), "reused": done.reused, "stale": done.stale, "failed": len(done.failures)}
-    return {"output": str(output), "report": str(output / "report.html"), **counts}
 
 
 @contextmanager
