@@ -18,7 +18,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dlama.errors import InputError, MaskError
-from dlama.geometry.holes import iou
+from dlama.geometry.holes import iou, region_at
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.salient import saliency
 from dlama.perception.monocular import estimate_depth
@@ -67,9 +67,8 @@ def innermost_pixel(where: BoolArray) -> tuple[int, int]:
 
 
 def largest_region(where: BoolArray) -> BoolArray:
-    """The largest 8-connected region of `where` (H x W, not empty)."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(where.astype(np.uint8), connectivity=8)
-    return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))
+    """The largest 8-connected region of `where` (H x W)."""
+    return region_at(where, np.s_[:, :])
 
 
 def photos_of(folder: Path, groups: Sequence[int]) -> list[Path]:

@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import DlamaError, MaskError
-from dlama.geometry.holes import box_around, dilate_square, shrink_known
+from dlama.geometry.holes import box_around, dilate_square, region_at, shrink_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency
@@ -179,10 +179,7 @@ def outlines_of(photos: Sequence[Path]) -> list[BoolArray]:
             salient = saliency(read_photo(photo)) > 0.5
         except MaskError:
             continue
-        _, pieces, stats, _ = cv2.connectedComponentsWithStats(salient.astype(np.uint8))
-        if len(stats) < 2:
-            continue
-        object_ = pieces == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
+        object_ = region_at(salient, np.s_[:, :])
         if OUTLINE_SHARES[0] < object_.mean() < OUTLINE_SHARES[1]:
             found.append(np.ascontiguousarray(object_[box_around(object_, 0)]))
     return found

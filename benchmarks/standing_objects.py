@@ -19,7 +19,7 @@ import dlama
 from dlama.datasets.frames import RemovalTruth
 from dlama.errors import InputError
 from dlama.files.rasters.pictures import read_color
-from dlama.geometry.holes import box_around, dilate_mask, larger_box, sides_of
+from dlama.geometry.holes import box_around, dilate_mask, larger_box, region_at, sides_of
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.supports import Planes, find_planes_of_picture
@@ -67,8 +67,7 @@ def stand_object(frame: RGBD, rng: np.random.Generator) -> RemovalTruth | None:
         border = np.concatenate([shape[0], shape[-1], shape[:, 0], shape[:, -1]]).any()
         if border or not SHARES[0] < seen.mean() < SHARES[1] or seen.sum() < SEEN * shape.sum():
             continue
-        _, parts, stats, _ = cv2.connectedComponentsWithStats(seen.astype(np.uint8))
-        seen = parts == 1 + int(stats[1:, 4].argmax())
+        seen = region_at(seen, np.s_[:, :])
         if (frame.missing & seen).sum() > 0.4 * seen.sum():
             continue
         return RemovalTruth(compose(frame, seen, w, rng), frame, seen)
