@@ -112,16 +112,14 @@ def view_sample(example: ViewExample, network: NetworkSettings) -> dict[str, np.
     made = {"mask": mask}
     if network.kind.has_depth:
         depth = DepthPlane.of(view, robust_scale)
-        true = inverse_depth(example.truth.depth)
+        true, there = inverse_depth(example.truth.depth), example.truth.depth > 0
         # real pictures of the discriminator have no gaps: unknown depth is that of the nearest known pixel
-        plane = fill_with_nearest(np.minimum(true / np.float32(depth.scale), np.float32(1)), example.truth.depth > 0)
+        plane = fill_with_nearest(np.minimum(true / np.float32(depth.scale), np.float32(1)), there)
         known, target = np.concatenate([known, depth.values[None]]), np.concatenate([target, plane[None]])
-        known_depth = example.truth.depth > 0 if not keep_view else np.where(hole, example.truth.depth > 0, True)
+        made["known_depth"] = (there | (~hole & keep_view))[None].astype(np.float32)
         limit = law_limit(example.law, view.camera, true, hole) / np.float32(depth.scale)
-        made["known_depth"] = known_depth[None].astype(np.float32)
         limit = np.maximum(limit, max(depth.far_below, 1e-7))  # what is not above that is far, which is always lawful
-        limit = np.where(example.truth.depth > 0, np.maximum(limit, plane), np.float32(np.inf))
-        made["limit"] = np.where(hole, limit, np.float32(np.inf))[None].astype(np.float32)
+        made["limit"] = np.where(hole & there, np.maximum(limit, plane), np.float32(np.inf))[None].astype(np.float32)
     made["input"] = np.concatenate([known * (1 - mask), mask])
     made["target"] = np.where(hole, target, known) if keep_view else target
     return made
