@@ -11,10 +11,9 @@ import numpy as np
 
 from dlama.evaluation.protocols.methods import NO_FILL
 from dlama.evaluation.report.columns import PAPER_SHAPE, Which, better_direction, column_title
-from dlama.evaluation.report.summary import ALL, draws, interval, yaw_labels, yaw_order
+from dlama.evaluation.report.summary import ALL, interval, yaw_labels, yaw_order
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 from dlama.evaluation.runner.store import Row
-from dlama.geometry.camera import Float64Array
 
 OURS, THEIRS = "dlama", "paper"
 NOTE = (
@@ -83,16 +82,11 @@ def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
     if metric == "psnr":  # a logarithm: its differences count, not its ratios
         counts = np.array([len(scene) for scene in pairs.values()], np.float64)
         gain = float((ours - theirs).mean())
-        ends = _interval(sums[0] - sums[1], counts, seed)
+        ends = interval(sums[0] - sums[1], counts, seed)
         return Cell(f"{gain:+.2f} dB {better}", gain, gain > 0, " to ".join(f"{end:+.2f}" for end in ends))
     if not (sums[1] > 0).all():
         return EMPTY
     change = 100 * (float(sums[0].sum() / sums[1].sum()) - 1)
-    ends = _interval(sums[0], sums[1], seed)
+    ends = interval(sums[0], sums[1], seed)
     text = " to ".join(f"{100 * (end - 1):+.1f}" for end in ends)
     return Cell(f"{change:+.1f} % {better}", change, best=side * change > 0, interval=text)
-
-
-def _interval(sums: Float64Array, by: Float64Array, seed: int) -> tuple[float, ...]:
-    """Ends of the interval of the ratio of both, which have a number of each scene; none of one scene."""
-    return interval(sums, by, draws(len(sums), seed)) if len(sums) > 1 else ()

@@ -122,7 +122,7 @@ def mean_of(scenes: dict[str, list[float]], seed: int) -> Mean:
     low = high = None
     if len(scenes) > 1 and math.isfinite(mean):
         sums, counts = np.array([(math.fsum(one), len(one)) for one in scenes.values()]).T
-        low, high = interval(sums, counts, draws(len(scenes), seed))
+        low, high = interval(sums, counts, seed)
     return Mean(mean, low, high, len(every), len(scenes))
 
 
@@ -133,10 +133,10 @@ def draws(scenes: int, seed: int) -> Float64Array:
     return np.stack([(drawn == scene).sum(axis=1) for scene in range(scenes)], axis=1).astype(np.float64)
 
 
-def interval(sums: Float64Array, counts: Float64Array, times: Float64Array) -> tuple[float, float]:
-    """Ends of the interval of a mean, by the sum and the number of each scene's values, one or more. times: as of `draws`."""
-    low, high = np.percentile((times @ sums) / (times @ counts), (2.5, 97.5))
-    return float(low), float(high)
+def interval(sums: Float64Array, counts: Float64Array, seed: int) -> tuple[float, ...]:
+    """Ends of the interval of a mean, by the sum and the number of each scene's values, one or more; none of one scene."""
+    times = draws(len(sums), seed)
+    return tuple(np.percentile((times @ sums) / (times @ counts), (2.5, 97.5)).tolist()) if len(sums) > 1 else ()
 
 
 def yaw_labels(rows: Iterable[Row]) -> dict[tuple[str, str, float | None], list[str]]:
