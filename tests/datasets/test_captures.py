@@ -262,9 +262,8 @@ def test_readings_beyond_the_range_are_missing(tmp_path: Path) -> None:
     codes = [np.asarray(Image.open(path)) for path in (root / "keyframes" / "depth").iterdir()]
     readings = np.concatenate([np.where(confidence(255) > 0, one, 0)[(one > 0) & (one < 65535)] for one in codes])
     beyond = int((readings > 5000).sum())
-    with pytest.warns(
-        UserWarning, match=r"% of the depth readings, in 4 of 4 frames, lie beyond 5 m, the range of a phone's"
-    ):
+    words = "% of the depth readings, in 4 of 4 frames, lie beyond 5 m, the range of a phone's"
+    with pytest.warns(UserWarning, match=words):
         found = read_scene_of(root, keep_poses=True)
     assert found.decisions["max_depth"]["dropped"] == beyond >= 400
     assert found.decisions["max_depth"]["readings"] == np.count_nonzero(readings)

@@ -56,12 +56,10 @@ def as_text(model: Path) -> None:
     lines = [f"{number} PINHOLE {' '.join(map(str, numbers))}" for number, _, *numbers in cameras]
     (model / "cameras.txt").write_text("\n".join(["# ID MODEL W H fx fy cx cy", *lines]))
     size = struct.calcsize("<i7di")
-    images = [
-        (model / "images.bin").read_bytes()[8 + (size + 19) * n :] for n in range(3)
-    ]  # a name of ten letters, NUL, 0 points
-    lines = [
-        " ".join(map(str, struct.unpack_from("<i7di", one))) + f" {one[size : size + 10].decode()}\n" for one in images
-    ]
+    data, lines = (model / "images.bin").read_bytes(), []
+    for start in range(8, len(data), size + 19):  # a name of ten letters, NUL, 0 points
+        name = data[start + size : start + size + 10].decode()
+        lines.append(" ".join(map(str, (*struct.unpack_from("<i7di", data, start), name))) + "\n")
     (model / "images.txt").write_text("\n".join(["# ID qw qx qy qz tx ty tz CAMERA NAME", *lines]))
     for name in ("cameras", "images", "points3D"):
         (model / f"{name}.bin").unlink()

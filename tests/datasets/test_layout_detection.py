@@ -96,7 +96,7 @@ def test_a_result_is_named_as_one(tmp_path: Path) -> None:
     [
         (
             {"layout": "kitti"},
-            r"layout 'kitti' is not known; known are easysynth, pairs, removal, stereo, tum, 7-scenes",
+            "layout 'kitti' is not known; known are easysynth, pairs, removal, stereo, tum, 7-scenes",
         ),
         ({"layout": "pairs", "depth_range": 1.0}, r"depth_range does not apply to .* of layout pairs; it is for eas"),
         ({"layout": "stereo", "camera": LENS}, r"camera does not apply to .* stereo; it is for tum, 7-scenes, scannet"),
@@ -185,9 +185,8 @@ def test_poses_in_another_unit_than_depth_are_reported(tmp_path: Path) -> None:
         pose = np.array(frame.camera.world_from_cam)
         pose[:3, 3] *= 1000
         path.write_text(text_matrix(pose))
-    with pytest.raises(
-        FileError, match=r"no two of its 4 frames overlap by 10% .*are depth and poses in the same unit"
-    ):
+    words = r"no two of its 4 frames overlap by 10% .*are depth and poses in the same unit"
+    with pytest.raises(FileError, match=words):
         open_dataset(root)
     with pytest.raises(FileError, match=r"holds 0 frames; two or more"):
         posed_dataset("tum", root, [])

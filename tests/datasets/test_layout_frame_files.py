@@ -85,12 +85,9 @@ def test_where_a_camera_lies(tmp_path: Path) -> None:
     for camera in (LENS, tmp_path / "camera.json"):
         found = open_dataset(tmp_path, camera=camera)
         assert found.layout == "7-scenes" and found.frames[1].load().camera.same_lens_as(LENS)
+    of_scannet = r"has no intrinsic/intrinsic_color\.txt or intrinsics_color\.txt, and .*"
     for root, lost, words in (
-        (
-            write_scannet(tmp_path / "a"),
-            "intrinsic/intrinsic_color.txt",
-            r"has no intrinsic/intrinsic_color\.txt or intrinsics_color\.txt, and .*",
-        ),
+        (write_scannet(tmp_path / "a"), "intrinsic/intrinsic_color.txt", of_scannet),
         (write_replica(tmp_path / "b"), "cam_params.json", r"no cam_params\.json; "),
     ):
         (root / lost).unlink()
@@ -143,12 +140,7 @@ SEVEN = "frame-000003.pose.txt"
     ("write", "file", "text", "message"),
     [
         (write_seven, SEVEN, text_matrix(np.eye(4)[:3]), r"3\.pose\.txt: holds 3 lines of numbers; a 4x4 matrix is"),
-        (
-            write_seven,
-            SEVEN,
-            text_matrix(np.diag([1, 1, 1.1, 1])),
-            r"3\.pose\.txt:1:1: .*off by 0\.21 from orthonormal",
-        ),
+        (write_seven, SEVEN, text_matrix(np.diag([1, 1, 1.1, 1])), r"3\.pose\.txt:1:1: .*off by 0\.21 from orthon"),
         (write_seven, SEVEN, text_matrix(np.diag([1, -1, 1, 1])), r"3\.pose\.txt:1:1: .*a mirroring"),
         (write_seven, SEVEN, "", r"frame-000003\.pose\.txt: is empty"),
         (write_scannet, "pose/10.txt", "1 0 0 nan\n" + "0 1 0 0\n" * 3, r"10\.txt:1:7: 'nan' stands where a number"),

@@ -164,9 +164,8 @@ def test_missing_parts(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"depth\.txt: is no text \(byte 0 is not UTF-8\)"):
         open_dataset(root)
     (root / "depth.txt").unlink()
-    with pytest.raises(
-        FileError, match=r"holds no such data set.*looked for rgb\.txt, depth\.txt and groundtruth\.txt"
-    ):
+    words = r"holds no such data set.*looked for rgb\.txt, depth\.txt and groundtruth\.txt"
+    with pytest.raises(FileError, match=words):
         open_dataset(root, "tum")
 
 

@@ -73,9 +73,8 @@ def test_a_unit_that_is_given_replaces_the_listing_s(tmp_path: Path) -> None:
     assert dataset.layout == "nerfstudio"
     check_frames(dataset, far=True)
     save(tmp_path, listing | {"depth_unit_scale_factor": 1.0})
-    np.testing.assert_array_equal(
-        open_dataset(tmp_path, depth_scale=1000).frames[1].load().depth, dataset.frames[1].load().depth
-    )
+    again = open_dataset(tmp_path, depth_scale=1000)
+    np.testing.assert_array_equal(again.frames[1].load().depth, dataset.frames[1].load().depth)
     with pytest.raises(DepthError, match="depth_scale is 0"):
         open_dataset(tmp_path, depth_scale=0)
     listing["frames"][0]["depth_file_path"] = "depths/f0.bin"

@@ -65,9 +65,8 @@ def test_cloth_and_cone(data_dir: Path, number: int, name: str, mean: float, med
     assert open_dataset(data_dir / "data/stereo").cases[number].scene == name
     truth = read(data_dir / "data/stereo", number)
     difference = warped_difference(truth)
-    assert difference.mean() == pytest.approx(mean, abs=0.15) and np.median(difference) == pytest.approx(
-        median, abs=0.4
-    )
+    assert difference.mean() == pytest.approx(mean, abs=0.15)
+    assert np.median(difference) == pytest.approx(median, abs=0.4)
     assert truth.disparity_right is not None and not truth.metric
     rows, columns = np.nonzero(truth.disparity_left)
     mine = truth.disparity_left[rows, columns]
@@ -133,16 +132,16 @@ def test_bad_folders(tmp_path: Path) -> None:
         open_dataset(root)
 
 
+K = [[300, 0, 225], [0, 300, 187], [0, 0, 1]]
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"disparity_scale": None}, r"disp_left\.png: holds 8-bit numbers; say how many"),
         ({"width": 100}, r"calib\.json: the camera is 100x375 and the picture 450x375"),
-        ({"K": [[300, 0, 225], [0, 300, 187], [0, 0, 1]]}, r"calib\.json: field 'baseline_m' is missing"),
-        (
-            {"K": [[300, 0, 225], [0, 300, 187], [0, 0, 1]], "baseline_m": -1},
-            r"calib\.json: the baseline is -1 m; a distance",
-        ),
+        ({"K": K}, r"calib\.json: field 'baseline_m' is missing"),
+        ({"K": K, "baseline_m": -1}, r"calib\.json: the baseline is -1 m; a distance"),
     ],
 )
 def test_bad_calibrations(tmp_path: Path, data_dir: Path, changes: dict[str, Any], message: str) -> None:

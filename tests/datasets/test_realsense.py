@@ -157,7 +157,6 @@ def test_what_a_recording_lacks_is_said(tmp_path: Path, caplog: pytest.LogCaptur
     frames = open_frames(write_recording(tmp_path / "a.bag", units="none"))
     line = f"a.bag, {DEPTH}/image/data: no unit of depth is recorded: millimetres are taken"
     assert len(frames) == COUNT and line in caplog.text
-    with pytest.raises(
-        FileError, match=r"'device_0/sensor_0/Depth_0' and colour in 'device_0/sensor_1/Color_0', and no"
-    ):
+    words = "'device_0/sensor_0/Depth_0' and colour in 'device_0/sensor_1/Color_0', and no"
+    with pytest.raises(FileError, match=words):
         open_frames(write_recording(tmp_path / "b.bag", extrinsics=False))

@@ -141,19 +141,16 @@ def test_poses_between_two_transforms_are_interpolated() -> None:
 def test_what_a_bag_lacks_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """One line each: no moving transform, no camera_info, no transform to the depth camera, no depth, no bag."""
     still = f"holds no moving transform (/tf) of the camera's frame '{OPTICAL}': the camera is taken as standing still"
-    for mover in (
-        None,
-        "wheel",
-    ):  # of a robot, whose camera does not move with it, or by frames that are not in the bag
+    # of a robot, whose camera does not move with it, or by frames that are not in the bag
+    for mover in (None, "wheel"):
         caplog.clear()
         frames = open_frames(write_bag(tmp_path / f"{mover}.bag", "ros1", mover=mover))
         assert len(frames) == 4 and still in caplog.text
     assert any(still in found.what for found in diagnose(tmp_path / "wheel.bag"))
     with pytest.raises(FileError, match=r"a.bag, /camera/color/image_raw: has no camera_info next to it"):
         open_frames(write_bag(tmp_path / "a.bag", "ros1", info=False, count=1))
-    with pytest.raises(
-        FileError, match=r"depth is in the frame 'other' and colour in .*, and no transform leads from one"
-    ):
+    words = "depth is in the frame 'other' and colour in .*, and no transform leads from one"
+    with pytest.raises(FileError, match=words):
         open_frames(write_bag(tmp_path / "b.bag", "ros1", depth_frame="other", count=1))
     with Writer(tmp_path / "c.bag", "ros1") as bag:
         bag.image("/color", OPTICAL, 1.0, truth()[0].color, "rgb8")
@@ -172,9 +169,8 @@ def small_bag(
     """One frame with depth registered to it."""
     with Writer(path, "ros1") as bag:
         bag.info(f"{color}/camera_info", OPTICAL, info.pop("camera", LENS), **info)
-        bag.image(
-            f"{color}/image_rect_color" if "rectified" in info else f"{color}/image_raw", OPTICAL, 1.0, values, encoding
-        )
+        kind = "image_rect_color" if "rectified" in info else "image_raw"
+        bag.image(f"{color}/{kind}", OPTICAL, 1.0, values, encoding)
         bag.image(f"{color}/depth_rect", OPTICAL, 1.0 + late, truth()[0].depth * np.float32(per_metre), "32FC1")
     return path
 
@@ -221,9 +217,8 @@ def test_a_part_of_the_sensor_has_its_own_camera(tmp_path: Path) -> None:
 def test_what_cannot_be_read_of_a_bag_is_named(tmp_path: Path) -> None:
     """One line each: an encoding, a camera that was not calibrated, depth that comes too late."""
     color = truth()[0].color
-    with pytest.raises(
-        FileError, match=r"of pictures it has /c/depth_rect; /c/image_raw has the encoding bayer_rggb16, which"
-    ):
+    words = "of pictures it has /c/depth_rect; /c/image_raw has the encoding bayer_rggb16, which"
+    with pytest.raises(FileError, match=words):
         open_frames(small_bag(tmp_path / "a.bag", "/c", color[..., 0].astype(np.uint16), "bayer_rggb16"))
     with pytest.raises(FileError, match=r"1 without depth within 0.02 s"):
         open_frames(small_bag(tmp_path / "b.bag", "/c", color, "rgb8", late=0.03))
@@ -256,9 +251,8 @@ def test_a_grey_picture_in_place_of_one_that_is_not_read(tmp_path: Path, caplog:
             bag.info(f"{topic.rsplit('/', 1)[0]}/camera_info", OPTICAL, LENS)
             bag.image(topic, OPTICAL, 1.0, values, encoding)
     (frame,) = open_frames(tmp_path / "a.bag")
-    assert (
-        "/c/ir/image_raw, which is grey, is taken for the picture; /c/image_raw has the encoding rgb16" in caplog.text
-    )
+    words = "/c/ir/image_raw, which is grey, is taken for the picture; /c/image_raw has the encoding rgb16"
+    assert words in caplog.text
     np.testing.assert_array_equal(frame.load().depth, depth)
 
 

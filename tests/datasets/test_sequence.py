@@ -101,9 +101,8 @@ def test_views_come_one_by_one_and_nothing_is_written(room: Path, whole: tuple[P
 def test_source_says_which_frame_a_pixel_comes_from(whole: tuple[Path, dict[str, Any]]) -> None:
     """Codes: own pixels 1 + the own number, the sensor hole another frame's, filled ones 0."""
     named = json.loads((whole[0] / "transforms.json").read_text())["source_frames"]
-    source, origin, hole = (
-        np.array(Image.open(whole[0] / kind / "img-1.png")) for kind in ("source", "origin", "hole")
-    )
+    kinds = "source", "origin", "hole"
+    source, origin, hole = (np.array(Image.open(whole[0] / kind / "img-1.png")) for kind in kinds)
     assert {named[code - 1] for code in np.unique(source[origin == Origin.MEASURED])} == {"img-1"}
     elsewhere = origin == Origin.ELSEWHERE
     assert elsewhere.any() and "img-1" not in {named[code - 1] for code in np.unique(source[elsewhere])}
@@ -154,15 +153,11 @@ def test_depth_smaller_than_its_pictures(tmp_path: Path, capsys: pytest.CaptureF
     write_mask(tmp_path / "ball.png", mask)
     words = f"sequence {room} --frames 1:3 --mask img-1={tmp_path / 'ball.png'} --filler layered --only video".split()
     main([*words, "-o", str(tmp_path / "small")])
-    assert (
-        "pictures of 128x96 are shrunk to 64x48, as their depth is smaller; --resize-depth guided"
-        in capsys.readouterr().err
-    )
+    hint = "pictures of 128x96 are shrunk to 64x48, as their depth is smaller; --resize-depth guided"
+    assert hint in capsys.readouterr().err
     meta = json.loads((tmp_path / "small" / "meta.json").read_text())
     assert meta["decisions"]["size"]["name"] == "64x48"
-    assert not {"scene.npz", "scene.ply", "scene.glb", "sparse"} & {
-        path.name for path in (tmp_path / "small").iterdir()
-    }
+    assert not any((tmp_path / "small" / name).exists() for name in ("scene.npz", "scene.ply", "scene.glb", "sparse"))
     main([*words, "-o", str(tmp_path / "large"), "--resize-depth", "guided"])
     assert "shrunk" not in capsys.readouterr().err
     assert "size" not in json.loads((tmp_path / "large" / "meta.json").read_text())["decisions"]
@@ -178,9 +173,8 @@ def test_names_of_frames_are_no_places(tmp_path: Path) -> None:
     """Law: a mask of frame "3", which is not chosen, is not that of the fourth of those that are."""
     mask = np.ones((2, 2), bool)
     with pytest.warns(UserWarning, match="1 mask of frames that are left out: not used .3."):
-        assert masks_by_number(
-            {"3": mask, "8": mask}, ["0", "4", "8", "12"], {}, {"3": "it contradicts all others"}
-        ) == {2: mask}
+        others = {"3": "it contradicts all others"}
+        assert masks_by_number({"3": mask, "8": mask}, ["0", "4", "8", "12"], {}, others) == {2: mask}
 
 
 def killed_after(count: int) -> Callable[..., None]:
@@ -277,12 +271,10 @@ def test_what_is_less_sure_stays_open(room: Path, tmp_path: Path) -> None:
 def test_depth_that_its_files_cannot_hold_is_counted(tmp_path: Path) -> None:
     """Closed form: a half of the picture at 100 m, as seen from the air, is written as 65.534 m; it was, without a word."""
     given = frame("img-1")
-    depth = np.where(np.arange(LENS.width) < LENS.width // 2, np.float32(100), np.float32(40)) * np.ones(
-        LENS.hw, np.float32
-    )
-    dlama.write(
-        dlama.complete(RGBD(given.color, depth, given.camera), [given.camera]), tmp_path / "one", only=["scene"]
-    )
+    depth = np.full(LENS.hw, 40, np.float32)
+    depth[:, : LENS.width // 2] = 100
+    done = dlama.complete(RGBD(given.color, depth, given.camera), [given.camera])
+    dlama.write(done, tmp_path / "one", only=["scene"])
     completion = dlama.sequence(tmp_path / "one" / "scene.npz")
     with pytest.warns(UserWarning, match=r"^1536 pixels of the views beyond 65\.534 m.*also=scene"):
         meta = completion.write(tmp_path / "out", only=["scene"])
@@ -411,9 +403,8 @@ def test_bad_words_are_refused_before_anything_is_written(room: Path, tmp_path: 
     with pytest.raises(FileError, match="no such folder"):
         dlama.sequence(tmp_path / "nowhere")
     read = dlama.sequence(room)
-    with pytest.raises(
-        InputError, match="only is 'pictures'; names of scene, points, mesh, colmap, video are expected"
-    ):
+    words = "only is 'pictures'; names of scene, points, mesh, colmap, video are expected"
+    with pytest.raises(InputError, match=words):
         read.write(tmp_path / "out", only=["pictures"])
     with pytest.raises(OutputError, match=r"done.mp4: is the name of a file; a folder is expected"):
         read.write(tmp_path / "done.mp4")

@@ -45,9 +45,8 @@ def test_cases_hold_the_worlds_own_truth() -> None:
     removal = listed.of("ori")[2].load()
     assert isinstance(removal, RemovalTruth) and removal.source.camera.same_view_as(target)
     np.testing.assert_array_equal(removal.mask, made.raycast(target).group == made.object_index)
-    np.testing.assert_array_equal(
-        removal.shadow, made.shadow_of(made.raycast(target), made.raycast(target, object=False))
-    )
+    shadow = made.shadow_of(made.raycast(target), made.raycast(target, object=False))
+    np.testing.assert_array_equal(removal.shadow, shadow)
     np.testing.assert_array_equal(removal.without.color, made.frame(target, object=False).color)
 
 
@@ -75,9 +74,8 @@ def test_disparities_lead_from_view_to_view() -> None:
 def test_folders_are_read_back_by_the_easysynth_reader(tmp_path: Path) -> None:
     """There and back: poses, colours (PNG), depth (16-bit mm), masks; progress counts every frame."""
     reported: list[tuple[int, int]] = []
-    written = write_worlds(
-        tmp_path, count=1, seed=9, size=SIZE, progress=lambda done, total: reported.append((done, total))
-    )
+    which = {"count": 1, "seed": 9, "size": SIZE}
+    written = write_worlds(tmp_path, **which, progress=lambda *done: reported.append(done))
     assert written == [tmp_path / "w009"] and reported == [(n, 30) for n in range(1, 31)]
     made = world(9)
     read = easysynth(tmp_path)

@@ -35,12 +35,12 @@ def test_without_the_object_only_its_pixels_change_depth(kind: str, seed: int) -
     made = world(seed, kind=kind)  # type: ignore[arg-type]
     for yaw in (0, -40):
         camera = made.camera(yaw, 160)
-        mask = made.raycast(camera).group == made.object_index
-        there, gone = made.frame(camera), made.frame(camera, object=False)
+        there, gone = made.raycast(camera), made.raycast(camera, object=False)
+        mask = there.group == made.object_index
         assert mask.any()
         np.testing.assert_array_equal(there.depth[~mask], gone.depth[~mask])
         assert (gone.depth[mask] > there.depth[mask]).all()
-        through = made.raycast(camera, through=made.raycast(camera).group).depth
+        through = made.raycast(camera, through=there.group).depth
         np.testing.assert_array_equal(through[mask], gone.depth[mask])
 
 
@@ -49,11 +49,9 @@ def test_colour_changes_in_the_mask_and_in_the_shadow_alone(kind: str, seed: int
     """Law: with hard edges, taking the object out changes no colour elsewhere, and brightens every pixel of its shadow."""
     made = dataclasses.replace(world(seed, kind=kind), antialias=False)  # type: ignore[arg-type]
     camera = made.camera(0, 200)
-    mask, shadow = (
-        made.raycast(camera).group == made.object_index,
-        made.shadow_of(made.raycast(camera), made.raycast(camera, object=False)),
-    )
-    there, gone = (made.frame(camera, object=here).color.astype(int) for here in (True, False))
+    seen = made.raycast(camera), made.raycast(camera, object=False)
+    mask, shadow = seen[0].group == made.object_index, made.shadow_of(*seen)
+    there, gone = (each.color.astype(int) for each in seen)
     assert not (mask & shadow).any()
     np.testing.assert_array_equal(there[~mask & ~shadow], gone[~mask & ~shadow])
     assert (gone[shadow] >= there[shadow]).all()
@@ -82,9 +80,8 @@ def test_cameras_orbit_the_point_ahead_and_the_rig_is_rectified() -> None:
     first = made.camera(size=100, fov=70)
     assert first.fov == pytest.approx(70) and first.world_from_cam[1, 3] == -made.eye_m
     for yaw in (10, -60):
-        np.testing.assert_allclose(
-            made.camera(yaw, 100, 70).world_from_cam, orbit(first, yaw).world_from_cam, atol=1e-12
-        )
+        found, expected = made.camera(yaw, 100, 70), orbit(first, yaw)
+        np.testing.assert_allclose(found.world_from_cam, expected.world_from_cam, atol=1e-12)
     rig = made.rig()
     assert rig.baseline_m == pytest.approx(0.12) and rig.left.same_view_as(made.camera())
 

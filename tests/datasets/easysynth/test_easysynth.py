@@ -80,14 +80,11 @@ def test_unreal_axes_by_hand() -> None:
     """Closed form: X is forward, Y right, Z up, cm; an Unreal yaw of +90 turns to the right, a pitch of +90 looks up."""
     half = np.sqrt(0.5)
     np.testing.assert_allclose(opencv_pose((100, 200, 300), np.eye(3))[:3], [[1, 0, 0, 2], [0, 1, 0, -3], [0, 0, 1, 1]])
-    right = opencv_pose((0, 0, 0), rotation_from_quaternion((0, 0, half, half)))[
-        :3, :3
-    ]  # FRotator(0, 90, 0).Quaternion()
+    turned, tilted = (0, 0, half, half), (0, -half, 0, half)  # FRotator(0, 90, 0) and (90, 0, 0).Quaternion()
+    right = opencv_pose((0, 0, 0), rotation_from_quaternion(turned))[:3, :3]
     np.testing.assert_allclose(right @ (0, 0, 1), (1, 0, 0), atol=1e-15)
     np.testing.assert_allclose(right @ (0, 1, 0), (0, 1, 0), atol=1e-15)
-    up = opencv_pose((0, 0, 0), rotation_from_quaternion((0, -half, 0, half)))[
-        :3, :3
-    ]  # FRotator(90, 0, 0).Quaternion()
+    up = opencv_pose((0, 0, 0), rotation_from_quaternion(tilted))[:3, :3]
     np.testing.assert_allclose(up @ (0, 0, 1), (0, -1, 0), atol=1e-15)
 
 
@@ -141,9 +138,8 @@ def test_intrinsics_scale_with_the_sensor(sequence: Path) -> None:
     camera = easysynth(sequence).frames[0].load().camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (15, 14, 8, 6)
     edit_json(sequence / "CameraRig.json", sensor_size=[36, 24])
-    with pytest.raises(
-        CameraError, match=r"CameraRig.json: cameras.CameraComponent: the sensor is 36x24 and the picture 16x12"
-    ):
+    words = r"CameraRig.json: cameras.CameraComponent: the sensor is 36x24 and the picture 16x12"
+    with pytest.raises(CameraError, match=words):
         easysynth(sequence).frames[0].load()
 
 
@@ -178,9 +174,8 @@ def test_scenes_of_other_names(tmp_path: Path, sequence: Path) -> None:
     for name in ("a", "b"):
         shutil.copytree(sequence, tmp_path / "set" / name)
     data = easysynth(tmp_path / "set")
-    assert [case.key for case in data.cases] == [
-        f"vpi__set__set__{name}-{number:04d}" for name in ("a", "b") for number in (1, 2)
-    ]
+    expected = [f"vpi__set__set__{name}-{number:04d}" for name in ("a", "b") for number in (1, 2)]
+    assert [case.key for case in data.cases] == expected
     assert all(isinstance(case.load(), ViewTruth) for case in data.cases)
 
 

@@ -25,7 +25,8 @@ def replaced(line: int, old: str, new: str) -> Callable[[Path], None]:
     return edit
 
 
-POSES = "CameraComponent/CameraPoses.csv"
+POSES, EXR = "CameraComponent/CameraPoses.csv", "CameraComponent/DepthImage/seq_with.0001.exr"
+SKEWED = [1, 2, 3, 0, 1, 2, 0, 0, 0]
 BAD = [
     (POSES, replaced(3, "1,", "1,abc"), r"CameraPoses.csv:3:3: 'abc.*' stands where a finite number"),
     (POSES, replaced(2, "0,0.000000000,", "0, nan,"), r":2:4: 'nan' stands where a finite number"),
@@ -44,26 +45,18 @@ BAD = [
     ("CameraRig.json", lambda path: edit_json(path, rotation=[0, 0, 1]), r"cameras.CameraComponent: rotation"),
     ("CameraRig.json", lambda path: edit_json(path, rotation=[0, 0, 0, 2]), r"rotation: .* a unit quaternion"),
     ("CameraRig.json", lambda path: edit_json(path, sensor_size=[0, 4]), r"CameraComponent.sensor_size is \[0, 4\]"),
-    (
-        "CameraRig.json",
-        lambda path: edit_json(path, intrinsics=[1, 2, 3, 0, 1, 2, 0, 0, 0]),
-        r"intrinsics is .*fx 0 cx",
-    ),
+    ("CameraRig.json", lambda path: edit_json(path, intrinsics=SKEWED), r"intrinsics is .*fx 0 cx"),
     ("CameraRig.json", lambda path: edit_json(path, rename="c7"), r"c7/ColorImage: no such folder"),
     ("CameraRig.json", Path.unlink, r"CameraRig.json: no such file, or no camera 'CameraComponent'"),
     ("CameraComponent/ColorImage", shutil.rmtree, r"holds no EasySynth sequence"),
-    (
-        "CameraComponent/DepthImage/seq_with.0001.exr",
-        lambda path: shutil.copy(path, path.with_name("x.0001.exr")),
-        "second",
-    ),
+    (EXR, lambda path: shutil.copy(path, path.with_name("x.0001.exr")), "second"),
 ]
 
 
 @pytest.mark.parametrize(("name", "edit", "message"), BAD, ids=[str(number) for number in range(len(BAD))])
 def test_bad_files_are_named(sequence: Path, name: str, edit: Callable[[Path], None], message: str) -> None:
     """One object wrong in one file: the error names the file, the line and column or the field, what came, what was expected."""
-    if name.endswith(".exr"):
+    if name == EXR:
         shutil.rmtree(sequence / "CameraComponent" / "DepthMM")
     edit(sequence / name)
     with pytest.raises(DlamaError, match=message):

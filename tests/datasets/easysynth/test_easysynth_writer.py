@@ -111,9 +111,8 @@ def test_text_files_are_as_easysynth_writes_them(scene: Path) -> None:
     """Frozen: header, t from one frame time on, the rig in cm to the right along Y, last intrinsic 0, classes without header."""
     lines = (scene / "with" / "CameraPoses.csv").read_text().splitlines()
     assert lines[0] == "id,tx,ty,tz,qx,qy,qz,qw,t" and len(lines) == 5
-    assert [float(line.split(",")[-1]) for line in lines[1:]] == pytest.approx(
-        [1 / 30, 2 / 30, 3 / 30, 4 / 30], abs=1e-6
-    )
+    times = [float(line.split(",")[-1]) for line in lines[1:]]
+    assert times == pytest.approx([1 / 30, 2 / 30, 3 / 30, 4 / 30], abs=1e-6)
     assert (scene / "with" / "CameraComponent" / "CameraPoses.csv").read_text().splitlines() == lines
     rig = json.loads((scene / "stereo_with" / "CameraRig.json").read_text())["cameras"]
     assert list(rig) == ["c0", "c1"] and rig["c0"]["translation"] == [0, 0, 0]
