@@ -335,8 +335,7 @@ def test_the_message_that_ros_prints(tmp_path: Path, times: int) -> None:
 
 
 def test_a_distortion_is_warned_of(tmp_path: Path) -> None:
-    """Pictures that image_rect made undistorted have the projection matrix, which the warning names; they were read with
-    camera_matrix in silence."""
+    """Pictures that image_rect made undistorted have the projection matrix, which the warning names."""
     bent = ROS.replace("data: [0.0", "data: [0.1")
     with pytest.warns(UserWarning, match=r"its distortion \(0.1, 0, .*is not used: .* to be undistorted"):
         read_camera(saved(tmp_path / "d.yaml", bent))

@@ -64,8 +64,7 @@ def test_ply_of_others(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("values", [(99, 200, "u1"), (-3.5, np.nan, "f4")])
 def test_what_others_call_origin_and_confidence_is_not_ours(tmp_path: Path, values: tuple[float, float, str]) -> None:
-    """Closed form: numbers that are no code and no share of 1, as Metashape's confidence of 0 to 255: measured, 1. `dlama show`
-    ended in an IndexError."""
+    """Closed form: numbers that are no code and no share of 1, as Metashape's confidence of 0 to 255: measured, 1."""
     origin, confidence, kind = values
     names = [(name, "f4") for name in "xyz"] + [(name, "u1") for name in ("red", "green", "blue")]
     vertex = np.zeros(4, [*names, ("origin", kind), ("confidence", kind)])

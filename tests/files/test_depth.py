@@ -186,8 +186,7 @@ def test_disparity_there_and_back(tmp_path: Path) -> None:
 
 
 def test_disparity_of_other_kinds(tmp_path: Path) -> None:
-    """Oracle: KITTI's value / 256, Middlebury 2003's value / 4; OpenCV's value / 16, whose NPY was
-    read as KITTI's; the rig knows what a negative one is."""
+    """Oracle: KITTI's value / 256, Middlebury 2003's / 4, OpenCV's / 16; the rig knows what a negative one is."""
     cv2.imwrite(str(tmp_path / "kitti.png"), np.array([[0, 256, 640]], np.uint16))
     cv2.imwrite(str(tmp_path / "cones.png"), np.array([[0, 4, 10]], np.uint8))
     np.savez(tmp_path / "d.npz", disparity=np.array([[np.inf, 1, 2.5]], np.float32), other=np.zeros(1))

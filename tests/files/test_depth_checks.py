@@ -69,8 +69,7 @@ def test_depth_that_is_given_as_inverse_depth_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore:.*looks like inverse depth")
 def test_normalised_depth_is_warned_of(tmp_path: Path) -> None:
-    """A ramp stretched to 0..65535 by a tool: its unit is lost (oracle: the stretching); with a unit there is no word, nor where
-    it is not stretched."""
+    """A ramp that a tool stretched to 0..65535 has lost its unit; with one, and unstretched, there is no word."""
     ramp = np.linspace(0, 1, 192 * 256).reshape(192, 256)
     cv2.imwrite(str(tmp_path / "depth.png"), np.uint16(1000 + 8000 * ramp))
     cv2.imwrite(str(tmp_path / "stretched.png"), np.uint16(65535 * ramp))
@@ -116,8 +115,7 @@ def test_inverse_depth_in_whatever_a_tool_saves(tmp_path: Path) -> None:
 
 
 def test_millimetres_of_a_close_range_scanner_are_warned_of(tmp_path: Path) -> None:
-    """Oracle: a part on a table, 0.3 to 0.4 m away, in float millimetres; with its unit, in metres, and a landscape there is
-    no word."""
+    """A part on a table, 0.3 to 0.4 m away, in float millimetres; with its unit, in metres, and a landscape: no word."""
     table = Plane((0, 0, 350), (0.2, 0.3, -1))
     part = World((table, Sphere((20, 0, 330), 40))).rgbd(Camera.from_fov(64, 48, 60)).depth
     for name, depth in (("part", part), ("metres", part / 1000), ("landscape", np.geomspace(10, 400, part.size))):

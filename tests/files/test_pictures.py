@@ -351,8 +351,7 @@ def test_a_png_with_a_wrong_checksum_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_preview_of_a_raw_file_is_not_taken_for_the_picture(tmp_path: Path) -> None:
-    """Laid out as NEF and DNG are, by tifffile: the thumbnail first, the sensor in a SubIFD. It was read as the picture.
-    A small TIFF that says so of itself alone is one."""
+    """The thumbnail first, the sensor in a SubIFD, as in NEF and DNG. A small TIFF that says so of itself alone is one."""
     sensor = np.random.default_rng(0).integers(0, 16384, (140, 190)).astype(np.uint16)
     with tifffile.TiffWriter(tmp_path / "a.nef") as raw:
         raw.write(COLOR, photometric="rgb", subfiletype=1, subifds=1)

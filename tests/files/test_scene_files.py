@@ -51,8 +51,7 @@ def test_there_and_back(tmp_path: Path, hw: tuple[int, int], cache: PixelCache |
 
 
 def test_a_file_that_was_written_again_is_no_longer_read(tmp_path: Path) -> None:
-    """Law: a scene keeps its pixels. Of a large one, which is read as it is needed, those of the new file came, as of a removal
-    that was written in its place."""
+    """Law: a scene keeps its pixels, also a large one, which is read as it is needed."""
     write_npz(tmp_path / "scene.npz", view_of(0), Scene((view_of(1, (5, 7)),)))
     back = read_npz(tmp_path / "scene.npz", PixelCache(0))[1]
     write_npz(tmp_path / "scene.npz", view_of(0), Scene((view_of(2, (2, 7)),)))

@@ -125,8 +125,7 @@ def test_a_tall_texture_is_filled_from_near_rows(monkeypatch):
 
 
 def test_what_is_far_is_drawn_in_along_its_rays() -> None:
-    """From the camera nothing moves, what was behind stays behind, what is near stays to the bit, and nothing is left beyond half
-    as far again."""
+    """From the camera nothing moves; order and what is near stay, and nothing is left beyond half as far again."""
     rng, pose = np.random.default_rng(0), np.eye(4)
     pose[:3, 3] = (1, 2, 3)
     rays = rng.normal(size=(200, 3))
