@@ -12,7 +12,6 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 import tifffile
-from PIL import Image
 
 from box_frame import CAMERA, WORLD, pixels, small_frame
 from dlama.apps.cli import main
@@ -40,9 +39,7 @@ def deepen(color: np.ndarray) -> np.ndarray:
 
 def plate_of(folder: Path, name: str = "plate.tif") -> np.ndarray:
     """uint16 H x W x 3 in a file next to those of `small_frame`: its picture in the high bytes, noise in the low ones."""
-    with Image.open(small_frame(folder) / "image.png") as picture:
-        high = np.array(picture)
-    plate = deepen(high)
+    plate = deepen(pixels(small_frame(folder) / "image.png"))
     if name.endswith(".tif"):
         tifffile.imwrite(folder / name, plate, photometric="rgb", compression="zlib", predictor=True)
     else:

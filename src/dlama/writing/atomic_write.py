@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dlama.errors import OutputError
+from dlama.errors import OutputError, system_reason
 from dlama.writing.drafts import (
     DRAFT,
     OLD,
@@ -51,7 +51,7 @@ def writing(place: PathLike, draft: PathLike | None = None) -> Iterator[None]:
     except OSError as error:
         if isinstance(error, OutputError):
             raise
-        reason = (error.strerror or str(error)).lower() if error.errno else str(error)
+        reason = system_reason(error) if error.errno else str(error)
         raise OutputError(f"{place}: cannot be written: {reason.replace(str(draft), str(place))}") from error
 
 
@@ -122,7 +122,7 @@ def new_directory(path: PathLike) -> Iterator[Path]:
 def check_name(path: PathLike) -> Path:
     """The path, if a file can be called so; else OutputError."""
     if "\0" in str(path):
-        raise OutputError(f"{str(path).encode('unicode_escape').decode('ascii')}: cannot be written: no name holds NUL")
+        raise OutputError(f"{printable_name(path)}: cannot be written: no name holds NUL")
     if begins_at_home(path):  # a directory called ~ would be made, and who removes it removes the home directory
         raise OutputError(f"{path}: cannot be written: {NO_HOME}")
     return Path(path)
@@ -137,6 +137,12 @@ def check_folder_name(path: PathLike) -> Path:
 
 
 NO_HOME = "~ is the home directory only where a shell replaces it, at the beginning of a word; give the whole path"
+
+
+def printable_name(path: PathLike) -> str:
+    """A path for a message, what cannot be printed escaped."""
+    text = str(path)
+    return text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
 
 
 def begins_at_home(path: PathLike) -> bool:

@@ -26,7 +26,7 @@ from dlama.files.rasters.orientation import (
     reset_orientation,
 )
 from dlama.files.rasters.sixteen_bits import PPM_HEADS, bits_of, decode_16_bits, describe_tiff, is_preview
-from dlama.writing.atomic_write import NO_HOME, PathLike, begins_at_home
+from dlama.writing.atomic_write import NO_HOME, PathLike, begins_at_home, printable_name
 
 SUFFIXES = (
     ".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".avif", ".heic", ".heif",
@@ -105,12 +105,6 @@ def _check_ordinary(file: Path, found: os.stat_result) -> None:
         raise FileError(f"{file}: is a pipe or device, a file on disk is expected")
     if not found.st_size:
         raise FileError(f"{file}: is empty (0 bytes)")
-
-
-def printable_name(path: PathLike) -> str:
-    """A path for a message, what cannot be printed escaped."""
-    text = str(path)
-    return text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
 
 
 def check_pixels(file: PathLike, width: int, height: int) -> None:

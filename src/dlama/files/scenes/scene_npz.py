@@ -25,14 +25,14 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.errors import DlamaError, FileError, system_errors
 from dlama.files.rasters.float_files import read_npy
-from dlama.files.rasters.images import existing_file, printable_name
+from dlama.files.rasters.images import existing_file
 from dlama.files.schema import SCHEMA, check_schema
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.stored import CACHE_BYTES, BoxedView, Layer, PixelCache, StoredView
 from dlama.geometry.rgbd import Float32Array, UInt8Array, freeze
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.writing.atomic_write import PathLike, new_file
+from dlama.writing.atomic_write import PathLike, new_file, printable_name
 from dlama.writing.unchanged import stamp_of
 
 OF_LAYER = re.compile(r"(layer|object)\d+_")
