@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,14 +57,6 @@ def test_new_file_has_ordinary_rights(tmp_path: Path) -> None:
     assert (tmp_path / "folder").stat().st_mode == (tmp_path / "plain_folder").stat().st_mode
 
 
-@pytest.mark.parametrize("place", ["file/out.png", "no/such/folder/out.png", "."])
-def test_unwritable_file_is_an_output_error(tmp_path: Path, place: str) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="cannot be written"), new_file(tmp_path / place) as draft:
-        draft.write_text("x")
-    assert everything(tmp_path) == ["file"]
-
-
 def test_new_directory_is_made_with_its_parents(tmp_path: Path) -> None:
     """Where it fails nothing is left of them."""
     with pytest.raises(Boom), new_directory(tmp_path / "a" / "b") as draft:
@@ -94,10 +87,15 @@ def test_existing_directory_is_merged_and_survives_failure(tmp_path: Path) -> No
     assert everything(tmp_path) == ["image.txt", "right", "right/new.txt", "right/old.txt"]
 
 
-@pytest.mark.parametrize("place", ["file", "file/below", "/proc/dlama/out"])
-def test_unwritable_directory_is_an_output_error(tmp_path: Path, place: str) -> None:
+FILES, FOLDERS = ("file/out.png", "no/such/folder/out.png", "."), ("file", "file/below", "/proc/dlama/out")
+
+
+@pytest.mark.parametrize(
+    ("make", "place"), [*((new_file, one) for one in FILES), *((new_directory, one) for one in FOLDERS)]
+)
+def test_an_unwritable_place_is_an_output_error(tmp_path: Path, make: Any, place: str) -> None:
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(OutputError, match="cannot be written"), new_directory(tmp_path / place):
+    with pytest.raises(OutputError, match="cannot be written"), make(tmp_path / place):
         pass
     assert everything(tmp_path) == ["file"]
 
