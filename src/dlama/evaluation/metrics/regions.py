@@ -205,42 +205,32 @@ def gaps_from_both(left: Float32Array, right: Float32Array) -> tuple[BoolArray, 
 
 
 def gaps_from_left(left: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """As `gaps_from_both`, from the left disparity alone (H x W px)."""
+    """As `gaps_from_both`, from the left disparity alone (H x W px): each row of left pixels is carried into the right picture's.
+
+    n left pixels without disparity between two with one may fill the n right pixels at either end of the gap.
+    """
+    width = left.shape[1]
     hidden, outside, known = (np.zeros(left.shape, np.bool_) for _ in range(3))
     for row, disparity in enumerate(left):
         columns = np.flatnonzero(is_known(disparity))
-        if len(columns):
-            warp_row(columns, disparity[columns].astype(np.float64), hidden[row], outside[row], known[row])
+        if not len(columns):
+            continue
+        landing = columns + 0.5 - disparity[columns].astype(np.float64)
+        reached = np.floor(landing).astype(np.int64)
+        known[row, reached[(reached >= 0) & (reached < width)]] = True
+        furthest = np.maximum.accumulate(landing)
+        for one in np.flatnonzero(landing[1:] - furthest[:-1] > 1):
+            unsure = columns[one + 1] - columns[one] - 1
+            first = max(int(np.floor(furthest[one])) + 1 + unsure, 0)
+            last = min(max(int(reached[one + 1]) - unsure, first), width)
+            known[row, first:last] = True
+            # up to one pixel more is how a slanted surface stretches; beyond that there are two surfaces
+            hidden[row, first:last] = landing[one + 1] - furthest[one] > 1 + SAME_DISPARITY_PX
+        border = max(int(np.floor(furthest[-1])) + 1 + width - 1 - int(columns[-1]), 0)
+        outside[row, border:] = known[row, border:] = True
+        border = max(int(np.floor(landing.min())) - int(columns[0]), 0)  # 0 but in a rig with doffs
+        outside[row, :border] = known[row, :border] = True
     return hidden, outside, known
-
-
-def warp_row(
-    columns: IndexArray, disparity: Float64Array, hidden: BoolArray, outside: BoolArray, known: BoolArray
-) -> None:
-    """Carry one row of left pixels into the right picture's row.
-
-    n left pixels without disparity between two with one may fill the n right pixels at either end of the gap.
-
-    Args:
-        columns: N, of the left pixels that have a disparity; `disparity`: N px, theirs.
-        hidden, outside, known: W each, False at first; what is found is written into them.
-    """
-    width = len(known)
-    landing = columns + 0.5 - disparity
-    reached = np.floor(landing).astype(np.int64)
-    known[reached[(reached >= 0) & (reached < width)]] = True
-    furthest = np.maximum.accumulate(landing)
-    for one in np.flatnonzero(landing[1:] - furthest[:-1] > 1):
-        unsure = columns[one + 1] - columns[one] - 1
-        first = max(int(np.floor(furthest[one])) + 1 + unsure, 0)
-        last = min(max(int(reached[one + 1]) - unsure, first), width)
-        known[first:last] = True
-        # up to one pixel more is how a slanted surface stretches; beyond that there are two surfaces
-        hidden[first:last] = landing[one + 1] - furthest[one] > 1 + SAME_DISPARITY_PX
-    border = max(int(np.floor(furthest[-1])) + 1 + width - 1 - int(columns[-1]), 0)
-    outside[border:] = known[border:] = True
-    border = max(int(np.floor(landing.min())) - int(columns[0]), 0)  # 0 but in a rig with doffs
-    outside[:border] = known[:border] = True
 
 
 def outside_contact_band(mask: BoolArray) -> BoolArray:
