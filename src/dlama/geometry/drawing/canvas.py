@@ -10,9 +10,6 @@ from dlama.geometry.kernels.drawing.shading import Planes
 from dlama.geometry.rgbd import BoolArray, brighten, paste
 from dlama.geometry.view import View
 
-BEHIND = 0.005
-"""Relative difference in depth from which one of two canvases is behind the other."""
-
 
 class Canvas(Planes):
     """Pixels drawn so far; depth 0 = empty."""
@@ -34,12 +31,12 @@ class Canvas(Planes):
         return Canvas._make(plane[rows, columns] for plane in self)
 
     def put(self, other: Canvas, over_measured: bool, at_home: bool) -> None:
-        """Draw another canvas over this one where this is empty or behind by more than BEHIND.
+        """Draw another canvas over this one where this is empty or behind by more than 0.5 % of the depth.
 
         over_measured: False keeps measured pixels in their own camera (fills must not cover them). at_home: it is the first
         layer's camera; its sensor holes keep their measured colours.
         """
-        wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - BEHIND)))
+        wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * 0.995))
         if not over_measured:
             wins &= ~from_source(self.origin) | (self.depth == 0)
             if at_home:

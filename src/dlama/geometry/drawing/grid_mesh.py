@@ -21,11 +21,6 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import View
 
-NOISE_STEPS, NOISY = 4.0, 2.5
-"""Standard deviations of noise within one surface; and from which surfaces tear."""
-AVERAGED_PX, PAIR_NOISE = 3, 4.0
-"""Distance in px up to which noise is averaged; standard deviations of it by which a pair differs from the pixel between."""
-
 
 class Joints(NamedTuple):
     """What is kept of a layer's mesh, 2 bytes a pixel."""
@@ -66,13 +61,14 @@ def join_neighbours(w: Float32Array, camera: Camera, step: float = 0.0) -> UInt8
 
 
 def edge_grid(w: Float32Array, camera: Camera, step: float) -> edges.Grid:
-    """What kernels tell edges by, with the steps that noise alone makes. w, step: as of `remove_flying_pixels`."""
+    """What kernels tell edges by, with the steps that noise alone makes, of four standard deviations. w, step: as of
+    `remove_flying_pixels`."""
     ratio = edge_ratio(camera)
     some = [lines[edges.PAD : -edges.PAD : max(1, len(lines) // LINES), edges.PAD : -edges.PAD] for lines in (w, w.T)]
     noise = noise_of_lines(((one, one > 0) for one in some), REACH)
-    if NOISY * noise.constant > ratio * noise.middle:  # else `ratio` covers it, at the median
-        step = max(step, NOISE_STEPS * noise.constant)
-    return edges.Grid(w, math.hypot(ratio, NOISE_STEPS * noise.share), step)
+    if 2.5 * noise.constant > ratio * noise.middle:  # surfaces tear; else `ratio` covers it, at the median
+        step = max(step, 4 * noise.constant)
+    return edges.Grid(w, math.hypot(ratio, 4 * noise.share), step)
 
 
 def mesh_grid(view: View, step: float = 0.0) -> tuple[Float32Array, UInt8Array]:
@@ -97,10 +93,10 @@ def smooth_noise(view: View, depth: Float32Array) -> Float32Array:
     noise = view.find_once(noise_to_average)
     if not noise.constant:
         return depth
-    share = PAIR_NOISE * noise.share
-    constant = 0.0 if share else PAIR_NOISE * noise.constant
+    share = 4 * noise.share  # standard deviations by which a pair differs from the pixel between
+    constant = 0.0 if share else 4 * noise.constant
     w, out = inverse_depth(depth), np.empty_like(depth)
-    in_bands(average_pairs, len(w), as_input(w), constant, share, AVERAGED_PX, out)
+    in_bands(average_pairs, len(w), as_input(w), constant, share, 3, out)
     return inverse_depth(out)
 
 

@@ -22,8 +22,6 @@ UNCLIPPED = (8, 247)
 """Levels between which a channel is used for the gain of a picture."""
 SAME_GAIN = 0.01
 """A gain nearer to 1 than this is none: rounding would cost more than it mends."""
-BLUR_PX = 5
-"""Side in px of the squares whose mean colours are compared: poses are off by a pixel or two."""
 ENOUGH = 20
 """Least number of common samples of a pair of frames."""
 ALL_PAIRS = 64
@@ -58,8 +56,8 @@ def make_comparable(layer: Layer) -> tuple[Float64Array, Float32Array]:
 
 
 def blur(view: View) -> Float32Array:
-    """H x W x 3, mean colours round each pixel."""
-    return cv2.blur(view.color, (BLUR_PX, BLUR_PX)).astype(np.float32)
+    """H x W x 3, mean colours round each pixel: poses are off by one or two."""
+    return cv2.blur(view.color, (5, 5)).astype(np.float32)
 
 
 def frame_pairs(count: int) -> list[tuple[int, int]]:

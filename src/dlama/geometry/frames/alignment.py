@@ -26,8 +26,6 @@ from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.progress import Progress, begin_stage, take_progress
 
 Source = TypeVar("Source", RGBD, Callable[[], RGBD])
-WIDEST = 640
-"""Longer side in px at which features are detected."""
 REACH = 0.032
 """Search radius round the predicted position, over the picture's width."""
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
@@ -154,8 +152,8 @@ def read_with_pose(read: Callable[[], RGBD], pose: Float64Array) -> RGBD:
 def detect_features(frame: RGBD) -> Features:
     """The 900 strongest features of a frame, with its depth there."""
     camera, grey = frame.camera, cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
-    if max(camera.wh) > WIDEST:
-        camera = camera.resized(*smaller_size(camera.hw, WIDEST))
+    if max(camera.wh) > 640:
+        camera = camera.resized(*smaller_size(camera.hw, 640))
         grey = cv2.resize(grey, camera.wh, interpolation=cv2.INTER_AREA)
     points, descriptors = cv2.SIFT.create(900, contrastThreshold=0.02).detectAndCompute(grey, None)
     if descriptors is None:

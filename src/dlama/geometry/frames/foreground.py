@@ -11,9 +11,6 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 
-NEXT_PX, NEXT = 2, 0.05
-"""Pixels and relative depth between two parts of one object."""
-
 
 def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
     """The candidates (H x W) nearer than the background, which is interpolated from the other pixels around them.
@@ -56,12 +53,12 @@ def fill_from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
 
 
 def grow_region(seeds: BoolArray, allowed: BoolArray, depth: Float32Array) -> BoolArray:
-    """The seeds and all allowed pixels that are one object with them: from each to the next a few pixels and little depth."""
-    found, kernel = seeds.copy(), square(2 * NEXT_PX + 1)
+    """The seeds and all allowed pixels that are one object with them: from each to the next 2 px and 5 % of the depth."""
+    found, kernel = seeds.copy(), square(5)
     while True:
         nearest = cv2.erode(np.where(found, depth, np.float32(np.inf)), kernel)
         farthest = cv2.dilate(np.where(found, depth, np.float32(0)), kernel)
-        new = allowed & ~found & (depth >= nearest * (1 - NEXT)) & (depth <= farthest * (1 + NEXT))
+        new = allowed & ~found & (depth >= nearest * 0.95) & (depth <= farthest * 1.05)
         if not new.any():
             return found
         found |= new

@@ -10,9 +10,6 @@ import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
 
-DEPTH_NOISE = (0.015, 0.006)
-"""Standard deviation of two depths' difference at z: hypot(0.015, 0.006 z^2) metres."""
-
 
 @dataclass(frozen=True, eq=False)
 class Matches:
@@ -87,7 +84,7 @@ def _normal_equations(
     by_local = np.zeros((len(z), 3, 3))
     by_local[:, 0, 0], by_local[:, 1, 1] = focal[:, 0] / z, focal[:, 1] / z
     by_local[:, :2, 2] = -focal * local[:, :2] / z[:, None] ** 2
-    spread = np.hypot(DEPTH_NOISE[0], DEPTH_NOISE[1] * z**2)
+    spread = np.hypot(0.015, 0.006 * z**2)  # standard deviation of two depths' difference
     by_local[:, 2, 2] = 1 / spread
     error = np.concatenate([miss, ((z - matches.depth) / spread)[:, None]], 1)
     by_world = np.einsum("nab,ncb->nac", by_local, poses[matches.other][:, :3, :3])

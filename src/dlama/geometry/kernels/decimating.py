@@ -16,8 +16,6 @@ from dlama.geometry.kernels.jit import Array, Flag, Pixel, Real, Whole, kernel, 
 
 DEPTH_METRES = 1e-3
 """Most that depth may be off in metres; or a `share` of it, or as `noise` of inverse depth (1/m) moves it, whichever is most."""
-PIXELS = 0.5
-"""Most that a place of the texture may be away from its pixel: textures are interpolated in space, not in the picture."""
 TINY = 1e-9
 
 
@@ -45,7 +43,8 @@ class Relief(NamedTuple):
 
 @piece
 def fits(relief: Relief, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2: Whole, y2: Whole) -> Flag:
-    """True if a triangle between three pixels lies on one surface and within the tolerances at each pixel that it covers."""
+    """True if a triangle between three pixels lies on one surface and within the tolerances at each pixel that it covers: of its
+    depth, and half a pixel in the picture, since textures are interpolated in space."""
     depth, flat, share, noise = relief
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     if area == 0:
@@ -77,7 +76,7 @@ def fits(relief: Relief, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2: Whole, 
         for step in range(int(math.floor(high + TINY)) + 1 - begin):
             z, here = float(depth[y, begin + step]), w + wx * step
             off_x, off_y = u + ux * step - (right + step) * here, v + vx * step - down * here
-            far_off = off_x * off_x + off_y * off_y > PIXELS * PIXELS * here * here
+            far_off = off_x * off_x + off_y * off_y > 0.25 * here * here
             wrong += far_off | (abs(1 - here * z) > max(DEPTH_METRES, z * max(share, noise * z)) * here)
         if wrong > 0:
             return False

@@ -29,13 +29,9 @@ from numpy.typing import NDArray
 
 from dlama.errors import InputError
 
-THREADS_VARIABLE = "NUMBA_NUM_THREADS"
-if (
-    not (asked := os.environ.get(THREADS_VARIABLE, "1")).strip().isdecimal() or int(asked) < 1
-):  # numba would end in a traceback
-    raise InputError(
-        f"the environment variable {THREADS_VARIABLE} is {asked!r}; a whole number, 1 or more, is expected"
-    )
+asked = os.environ.get("NUMBA_NUM_THREADS", "1")
+if not asked.strip().isdecimal() or int(asked) < 1:  # numba would end in a traceback
+    raise InputError(f"the environment variable NUMBA_NUM_THREADS is {asked!r}; a whole number, 1 or more, is expected")
 
 from numba import config, njit  # noqa: E402
 from numba.core.event import Event, Listener, register  # noqa: E402

@@ -24,10 +24,6 @@ from dlama.geometry.view import View
 
 LARGEST = 64
 """px of the largest triangles' legs, a power of 2: larger ones would save little."""
-DEPTH_SHARE, ESTIMATED_SHARE = 1e-3, 5e-3
-"""Share of the depth by which triangles may miss it, and where it was estimated: no estimate is as right as that."""
-SPECK = 5
-"""px a side of the square within which the origin of most pixels counts."""
 
 DIAGONALS = (
     (True, (0, 1), ((0, 0), (0, 1), (1, 1))),
@@ -63,7 +59,7 @@ def decimate(
     noisy measured depth: as far as three standard deviations of its noise), and the place in the picture that its texture shows
     by half a pixel at most. Confidence is linear between vertices.
     Outlines are kept: no triangle covers pixels at both sides of a depth edge, nor of two origins unless it is as small as a
-    pixel, but for specks (SPECK) of depth in missing depth and of missing depth in measured. Pixels that have no triangle in the
+    pixel, but for specks of depth in missing depth and of missing depth in measured. Pixels that have no triangle in the
     grid, as those of a wire one pixel wide, become squares of their own size. Flying pixels, which rendering leaves out, and far
     ones have none. grid: the layer's `mesh_grid`, where it is another than that.
     """
@@ -72,7 +68,7 @@ def decimate(
     box = box_around(surface, 0)
     noise = 0.0
     if share is None:
-        share = ESTIMATED_SHARE if Origin.ESTIMATED in view.origins else DEPTH_SHARE
+        share = 5e-3 if Origin.ESTIMATED in view.origins else 1e-3  # no estimate is as right as that
         noise = noise_tolerance(view, share)
     depth, joined = np.ascontiguousarray(depth[box]), joined[box]
     if depth.max(initial=0) == np.inf:  # sky
@@ -122,11 +118,11 @@ def flat_cells(joined: UInt8Array, origin: UInt8Array) -> BoolArray:
 
 
 def without_specks(origin: UInt8Array) -> UInt8Array:
-    """H x W origins in which specks of SPECK pixels that a sensor left open, or measured, are as most pixels round them."""
+    """H x W origins in which specks that a sensor left open, or measured, are as most of the 5 x 5 pixels round them."""
     open_ = origin == Origin.DEPTH_FILLED
     if not open_.any():
         return origin
-    most = cv2.medianBlur(open_.view(np.uint8), SPECK) > 0
+    most = cv2.medianBlur(open_.view(np.uint8), 5) > 0
     either = np.where(most, np.uint8(Origin.DEPTH_FILLED), np.uint8(Origin.MEASURED))
     return np.where(open_ | (origin == Origin.MEASURED), either, origin)
 

@@ -18,8 +18,6 @@ from dlama.geometry.view import View
 
 PARALLAX = 0.04
 """Share of the picture's width by which the median pixel moves between the left and the right end of the box."""
-LEAST_ANGLE, LARGEST_ANGLE = 1.0, 12.0
-"""Degrees of the default box: a flat scene would ask for ever more, and beyond little of what is seen was measured."""
 WIDEST = 0.3
 """Share of its size by which the picture of the wide camera grows at each side, at most."""
 BEHIND, TOWARDS = 0.1, 0.66
@@ -71,7 +69,7 @@ class HeadBox:
         if angle is None:
             aside = PARALLAX / 2 * view.camera.width / (view.camera.fx * spread)
             found = math.degrees(math.atan(min(aside, TOWARDS * way_to_back(view)) / pivot))
-            angle = min(max(found, LEAST_ANGLE), LARGEST_ANGLE)
+            angle = min(max(found, 1.0), 12.0)  # a flat scene would ask for ever more; beyond little was measured
         if distance is None:
             distance = min(0.5 * math.tan(math.radians(min(angle, 45.0))), 0.3 * nearest / pivot)
         return cls(view.camera, pivot, angle, distance)

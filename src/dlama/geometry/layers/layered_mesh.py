@@ -47,8 +47,6 @@ IN_FRONT = 0.95
 """Share of the measured depth; what is nearer than that is another surface, which hides it."""
 BACKDROP, BACKDROP_STEP, BACKDROP_REACH = 48, 4, 10
 """Vertices of the backdrop across, at most; px of its picture between two; and px within which what is farthest counts."""
-SKY, FARTHEST = 4.0, 0.98
-"""Distance of the sky in that of the farthest surface, which is this quantile of the depth of a frame."""
 
 
 def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPart]:
@@ -143,13 +141,13 @@ def fit_triangles(
 def sky_distance(scene: Scene, box: HeadBox) -> float:
     """Metres at which the sky lies: behind everything, and so far that from end to end of the box it moves by about a pixel."""
     aside = 2 * box.pivot * math.tan(math.radians(box.angle))
-    return max(SKY * farthest_surface(scene), aside * math.sqrt(GRID_PIXELS) / box.camera.width * box.camera.fx)
+    return max(4 * farthest_surface(scene), aside * math.sqrt(GRID_PIXELS) / box.camera.width * box.camera.fx)
 
 
 def farthest_surface(scene: Scene) -> float:
     """Metres of the farthest surface of the frames, but for a few pixels; 1 where nothing is valid."""
     depths = [frame.depth[frame.valid] for frame in (one.load() for one in scene.frames) if frame.valid.any()]
-    return max((float(np.quantile(depth, FARTHEST)) for depth in depths), default=1.0)
+    return max((float(np.quantile(depth, 0.98)) for depth in depths), default=1.0)
 
 
 def mesh_part(view: View, step: int, box: HeadBox, sky: float, tolerance: float) -> MeshPart:

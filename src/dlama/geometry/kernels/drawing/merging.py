@@ -18,8 +18,6 @@ FLOOR = 5e-3
 """Relative depth within which two drawings of one surface lie even without noise (as layers of a scene are fused)."""
 SIGMAS = 3.0
 LEAST = 1e-6
-CLIPPED, CLIPPED_SHARE = (215.0, 250.0), 0.05
-"""Levels between which a colour saturates, and its least weight."""
 REPROJECTED, DEPTH_FILLED, ELSEWHERE = (
     code.value for code in (Origin.REPROJECTED, Origin.DEPTH_FILLED, Origin.ELSEWHERE)
 )
@@ -154,10 +152,10 @@ def shade(
                 np.float64(color[k, row, column, 0]), np.float64(color[k, row, column, 1]), np.float64(color[k, row, column, 2])
             )  # fmt: skip
             r_gain, g_gain, b_gain = gain[k, 0], gain[k, 1], gain[k, 2]
-            bright = (max(r, g, b) - CLIPPED[0]) / (CLIPPED[1] - CLIPPED[0])
+            bright = (max(r, g, b) - 215.0) / 35.0  # up to 250 levels it saturates, to a weight of 0.05
             if bright > 0:  # one gain a channel would tint what is white because it is too bright
                 bright, even = min(bright, np.float64(1)), max(r_gain, g_gain, b_gain)
-                w = max(LEAST, w * (1 - bright * (1 - CLIPPED_SHARE)))
+                w = max(LEAST, w * (1 - bright * 0.95))
                 r_gain, g_gain, b_gain = (
                     r_gain + bright * (even - r_gain), g_gain + bright * (even - g_gain), b_gain + bright * (even - b_gain)
                 )  # fmt: skip
