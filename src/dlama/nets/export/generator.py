@@ -46,11 +46,12 @@ def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], met
 
 def _generator(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], x: str) -> str:
     x = g.add("Relu", g.conv(g.reflect(x, 3), *_fold(state, STEM, "model.1.bn_l")))
-    for level in range(s.downsamplings - 1):
-        prefix = f"model.{2 + level}"
-        weight, bias = _fold(state, f"{prefix}.ffc.convl2l.weight", f"{prefix}.bn_l")
+    for level in range(s.downsamplings):  # in the last one a single convolution makes both branches
+        at, branches = f"model.{2 + level}", "lg" if level == s.downsamplings - 1 else "l"
+        parts = [_fold(state, f"{at}.ffc.convl2{to}.weight", f"{at}.bn_{to}") for to in branches]
+        weight, bias = (np.concatenate(pair) for pair in zip(*parts))
         x = g.add("Relu", g.conv(g.reflect(x, 1), weight, bias, stride=2))
-    local, wide = _split(g, s, state, x)
+    local, wide = g.add("Split", x, g.ints(s.local_channels, s.global_channels), outputs=2, axis=1)
     transform = plane_transform(g, wide, s.global_channels // 2)
     for block in range(s.blocks):
         before = local, wide
@@ -64,16 +65,6 @@ def _generator(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], 
     x = _head(g, state[f"{head}.weight"], state[f"{head}.bias"], x)
     last = {"sigmoid": "Sigmoid", "tanh": "Tanh", "none": "Identity"}[s.activation]
     return g.add_named("filled", last, x)
-
-
-def _split(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], x: str) -> tuple[str, str]:
-    """The last down-sampling: one convolution makes both branches."""
-    prefix = f"model.{1 + s.downsamplings}"
-    parts = [_fold(state, f"{prefix}.ffc.convl2{to}.weight", f"{prefix}.bn_{to}") for to in "lg"]
-    weight, bias = (np.concatenate(pair) for pair in zip(*parts))
-    both = g.add("Relu", g.conv(g.reflect(x, 1), weight, bias, stride=2))
-    local, wide = g.add("Split", both, g.ints(s.local_channels, s.global_channels), outputs=2, axis=1)
-    return local, wide
 
 
 def _ffc(
