@@ -108,7 +108,7 @@ def wrong_mask(frame: RGBD, true: BoolArray, others: Sequence[BoolArray], rng: G
     found, mask, size = bool(rng.random() < FOUND), true, float(np.sqrt(true.sum()))
     if found:
         seen = NothingSalient(frame.color) if frame.estimate is not None else None
-        mask = object_probability(frame, any_pixel(true, rng), seen).probability > rng.uniform(*LEVELS)
+        mask = object_probability(frame, any_pixel(true, rng), seen)[0] > rng.uniform(*LEVELS)
     rim = dilate_mask(true, 3) & true, dilate_mask(true, max(2, int(size / 8))) & ~true
     for _ in range(int(rng.integers(0 if found else 1, MOST_EDITS + 1))):
         if rng.random() < 0.5:

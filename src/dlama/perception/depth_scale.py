@@ -24,10 +24,6 @@ ASSUMED_MEDIAN_M = 3.0
 """Median depth of a picture of which nothing is known in metres."""
 FARTHEST_M = 1000.0
 """Depth beyond this is far."""
-MISFIT = 1 / 3
-"""Relative difference between a known depth and what is fitted there, above which it is warned of: estimates err by less."""
-PATCH = 2
-"""Known pixels are read as the median of those up to so many px away."""
 RULES = {
     "metric model": "scale as the network says",
     "photo": "scale as the photo says",
@@ -153,7 +149,7 @@ def fit_scale_to_points(
     fitted = factor * found + shift
     fitted = 1 / np.maximum(fitted, 1 / FARTHEST_M) if inverse else fitted
     off = np.abs(fitted / np.minimum(metres, FARTHEST_M) - 1)
-    if off.max() > MISFIT:
+    if off.max() > 1 / 3:  # estimates err by less
         (x, y, known), got = metres_at[int(off.argmax())], fitted[off.argmax()]
         warn(
             f"`metres_at` {x:g},{y:g}={known:g}: the depth fitted there is {got:.3g} m: it contradicts the other known depths, "
@@ -173,9 +169,9 @@ def fit_scale_to_points(
 
 
 def median_value_at(values: Float32Array, x: float, y: float, metres: float) -> float:
-    """The value at a pixel, a median over its neighbours. InputError: it is far."""
+    """The value at a pixel, a median over those up to 2 px away. InputError: it is far."""
     row, column = int(y), int(x)
-    patch = values[max(0, row - PATCH) : row + PATCH + 1, max(0, column - PATCH) : column + PATCH + 1]
+    patch = values[max(0, row - 2) : row + 3, max(0, column - 2) : column + 3]
     patch = patch[(patch > 0) & np.isfinite(patch)]
     if not patch.size:
         raise InputError(

@@ -28,17 +28,12 @@ from dlama.perception.sky import find_plain_sky
 
 RIM_PX = 4
 """Width of the rim of measured surfaces that does not extend along colours where there is sky; single readings have none."""
-MOST = 3.0
-"""Largest ratio of depths between a plane and its known pixel."""
-SETTLED = 3e-4
-"""Largest change in a sweep of `relax`, over the median inverse depth, that counts as none."""
 AT_ONCE = 8
 """Sweeps of `relax` that run together."""
 PIECE = 1 << 16
 """Pixels that are worked on at a time."""
-LEAST_SHARE, BEGINS = 0.04, 0.3
-"""Of a missing part beyond the range: its least share of the picture, and the least share of the known pixels round it at the
-range's end."""
+LEAST_SHARE = 0.04
+"""Least share of the picture of a missing part beyond the range."""
 
 
 class DepthByColor(NamedTuple):
@@ -110,7 +105,7 @@ def fill_along_colors(
 def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> None:
     """Relax the `loose` pixels (H x W) of inverse depth (H x W, 1/m) towards their neighbours, less across picture edges.
 
-    In 80 sweeps at most, or until none changes by SETTLED. color: H x W x 3.
+    In 80 sweeps at most, or until none changes by 3e-4 of the median. color: H x W x 3.
     """
     if not loose.any():
         return
@@ -118,7 +113,7 @@ def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> None:
     in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), begin, color)
     starts = np.concatenate([[0], loose.sum(1).cumsum()])
     columns = np.flatnonzero(loose) % w.shape[1]
-    least = SETTLED * float(np.median(begin[loose]))
+    least = 3e-4 * float(np.median(begin[loose]))
     to_relax = across, down, starts, columns, np.float32(0.01), begin, w
     for _ in range(0, 80, AT_ONCE):
         before, changes = w[loose], np.empty(AT_ONCE)
@@ -138,14 +133,14 @@ def extend_surfaces(
     known: NDArray[np.int32],
 ) -> NDArray[np.float64]:
     """N inverse depths at the pixels `at` (rows, columns): of the planes of their known pixels, whose residual there fades out
-    over 16 pixels, or the known ones' own.
+    over 16 pixels, or the known ones' own, where the plane's are more than three times as large, or as small.
 
     w: H x W; labels: N, of the known pixels; known: N, flat.
     """
     rows, columns = np.divmod(known.astype(np.int64), w.shape[1])
     own = w.ravel()[known].astype(np.float64)
     on_plane = plane_values_at(planes, labels, at[0], at[1])
-    plausible = (labels > 0) & (on_plane * MOST > own) & (on_plane < MOST * own)
+    plausible = (labels > 0) & (3 * on_plane > own) & (on_plane < 3 * own)
     residual = own - plane_values_at(planes, labels, rows, columns)
     fading = np.exp(-np.hypot(at[0] - rows, at[1] - columns) / 16)
     return np.where(plausible, on_plane + residual * fading, own)
@@ -223,6 +218,6 @@ def find_beyond_range(w: Float32Array, missing: BoolArray, near: BoolArray, limi
             continue
         this = missing & dilate_mask(part == number, round(1.5 * reach))  # into right-angled corners, too
         rim = w[dilate_mask(this, 3) & near]
-        if rim.size and (rim < limit / 0.9).mean() >= BEGINS:  # nearly at the limit
+        if rim.size and (rim < limit / 0.9).mean() >= 0.3:  # nearly at the limit
             out |= this
     return out

@@ -34,8 +34,6 @@ NEIGHBOURHOOD = 9
 """Width in px of the window in which planes compete for a pixel."""
 MOST_PLANES = 12
 """Largest number of planes: a label is a byte."""
-SMALLEST_SHARE = 0.01
-"""Least share of the known pixels of a plane."""
 BAND = 128
 """Rows that are worked on at a time."""
 
@@ -83,7 +81,7 @@ def tolerance(w: np.ndarray, noise: float) -> np.ndarray:
 
 
 def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0.0) -> NDArray[np.float64]:
-    """K x 3 planes (a, b, c), most supported first, K <= MOST_PLANES.
+    """K x 3 planes (a, b, c), most supported first, K <= MOST_PLANES, each of a hundredth of the known pixels at least.
 
     Greedy RANSAC (Fischler & Bolles 1981) with 160 local triples a plane, scored on 9000 pixels and refined by least squares.
     w: H x W inverse depth; surface: H x W, True where it is finite and known; noise: as `noise_level` gives it.
@@ -99,11 +97,11 @@ def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0
     near = tolerance(z, noise)
     free = np.ones(len(chosen), np.bool_)
     planes: list[np.ndarray] = []
-    reach = 0.06 * max(w.shape)
-    while len(planes) < MOST_PLANES and free.sum() > SMALLEST_SHARE * len(chosen):
+    reach, least = 0.06 * max(w.shape), 0.01 * len(chosen)
+    while len(planes) < MOST_PLANES and free.sum() > least:
         triples = plane_kernels.local_triples(u, v, free, reach, 160, int(rng.integers(2**31)))
         plane, support = plane_kernels.best_plane(u, v, z, free, triples, near)
-        if support < SMALLEST_SHARE * len(chosen):
+        if support < least:
             break
         for _ in range(3):
             inliers = free & (np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < near)
@@ -132,11 +130,7 @@ def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float =
     u = (np.arange(hw[1]) + 0.5) * step
     v = (np.arange(hw[0]) + 0.5) * step
     a, b, c = (planes[:, k, None, None] for k in range(3))
-    out = np.empty((len(planes), *hw), np.float32)
-    for first in range(0, hw[0], BAND):  # sums in float64 that stay in the processor's cache
-        rows = slice(first, first + BAND)
-        out[:, rows] = a * u + b * v[rows, None] + c
-    return out
+    return np.asarray(a * u + b * v[:, None] + c, np.float32)
 
 
 def label_known(

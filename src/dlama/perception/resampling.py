@@ -23,9 +23,6 @@ JUMP = 0.1
 """Relative step of inverse depth up to which neighbours of the map lie on one surface,"""
 BEND, STEEP = 0.06, 0.35
 """and, on a slanted one, up to which steps differ that follow each other, and the largest of them."""
-MIXED, SLANTED = 0.04, 2.2
-"""Step of inverse depth, relative to the nearer one, from which a map pixel lies on neither of two neighbours; and change within
-7 x 7 pixels, over that within 3 x 3, from which it lies on a slanted surface (3 on a plane)."""
 COLOR_SIGMA = 20.0
 """Levels by which colours differ on one surface (each channel)."""
 LEAST_NEAR = 0.15
@@ -91,10 +88,11 @@ def is_mixed(depth: Float32Array) -> BoolArray:
     nearest, nearest_around = cv2.dilate(w, square(3)), cv2.dilate(w, square(7))
     least = np.where(known, w, nearest_around)
     farthest, around = cv2.erode(least, square(3)), nearest_around - cv2.erode(least, square(7))
-    between = (nearest - w > MIXED * nearest) & (w - farthest > MIXED * nearest)
+    between = (nearest - w > 0.04 * nearest) & (w - farthest > 0.04 * nearest)
     out = np.zeros_like(known)
     inside = np.s_[2:-2, 2:-2]
-    out[inside] = (known & between & (around < SLANTED * (nearest - farthest)))[inside]
+    # on a slanted surface the change within 7 x 7 pixels is up to three times that within 3 x 3
+    out[inside] = (known & between & (around < 2.2 * (nearest - farthest)))[inside]
     return out
 
 

@@ -18,8 +18,8 @@ GRID = 192
 """Longer side of the picture in which the sky is looked for."""
 OUTDOORS_M = 6.0
 """Least depth of the farthest hundredth of what is measured outdoors; depth cameras in rooms reach less."""
-LARGEST, ALONG_TOP, SMALLEST = 0.02, 0.1, 0.001
-"""Of the largest part of a sky, its least share of the picture and of the upper edge; least share of further parts."""
+ALONG_TOP = 0.1
+"""Least share of the upper edge of the largest part of a sky."""
 
 
 def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> BoolArray:
@@ -47,10 +47,10 @@ def find_plain_sky(color: UInt8Array, free: BoolArray, depth: Float32Array) -> B
         this = whole & cells
         area = this.mean()
         # of a plain part most must be free to be sky: a ceiling continues where it was measured
-        if area < max(SMALLEST, 0.75 * whole.mean()) or this.all() or not looks_like_sky(small[this], grey, this):
+        if area < max(0.001, 0.75 * whole.mean()) or this.all() or not looks_like_sky(small[this], grey, this):
             continue
         sky |= this
-        large |= area >= LARGEST and this[0].mean() >= ALONG_TOP
+        large |= area >= 0.02 and this[0].mean() >= ALONG_TOP
     if not large:
         return nothing
     return free & (cv2.resize(sky.view(np.uint8), free.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0)

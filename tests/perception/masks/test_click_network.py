@@ -13,7 +13,6 @@ from dlama.perception.masks.click_network import (
     PLANES,
     SALIENT,
     SIDE,
-    ClickAnswer,
     click_planes,
     object_probability,
     salient_about,
@@ -99,7 +98,7 @@ def test_the_mask_that_the_network_agrees_with(monkeypatch: pytest.MonkeyPatch, 
     """Of several masks the one that is most like the network's; its own where none is."""
     scene = step_scene()
     object_, wrong = scene.depth == 1.0, scene.depth == 2.0
-    monkeypatch.setattr(room, "object_probability", lambda *_: ClickAnswer(object_.astype(np.float32), 1, 1.0))
+    monkeypatch.setattr(room, "object_probability", lambda *_: (object_.astype(np.float32), 1, 1.0))
     masks = [wrong, object_] if agreed else [wrong]
     found = room.Masker(scene, lambda prompt: masks, 0.4).masks(Prompt(HW, ((65, 55),)))
     np.testing.assert_array_equal(found["object"], object_)
@@ -119,7 +118,7 @@ def estimated(scene: RGBD) -> RGBD:
 def test_a_click_where_the_masker_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """The network's mask where depth is missing, or where the masker has no mask; elsewhere its error stays."""
     scene, click = step_scene(), Prompt(HW, ((65, 55),))
-    answer = lambda rgbd, pixel, seen: ClickAnswer((scene.depth == scene.depth[pixel]) * np.float32(0.95), 1, 1.0)  # noqa: E731
+    answer = lambda rgbd, pixel, seen: ((scene.depth == scene.depth[pixel]) * np.float32(0.95), 1, 1.0)  # noqa: E731
     monkeypatch.setattr(room, "object_probability", answer)
     assert room.Masker(scene, refuse, 0.4).masks(Prompt(HW, ((60, 82),)))["object"][82, 60]
     seen = salient.WindowSaliency(scene.color)
@@ -135,7 +134,7 @@ def test_a_click_on_nothing(monkeypatch: pytest.MonkeyPatch, is_estimated: bool)
     """An error where the network says that no object is there, whatever the masker says; not with a box or another click."""
     scene = estimated(step_scene()) if is_estimated else step_scene()
     wall, object_ = scene.depth == 2, scene.depth == 1
-    answer = lambda rgbd, pixel, seen: ClickAnswer(object_.astype(np.float32), 1, float(object_[pixel]))  # noqa: E731
+    answer = lambda rgbd, pixel, seen: (object_.astype(np.float32), 1, float(object_[pixel]))  # noqa: E731
     monkeypatch.setattr(room, "object_probability", answer)
     seen = salient.WindowSaliency(scene.color) if is_estimated else None
     masker = room.Masker(scene, lambda prompt: [wall], 0.4, seen)

@@ -29,9 +29,8 @@ MIDDLE = (3.2, 0.8)
 UNLIKELY = 2.9
 """Least unlikeliness of a unit that is doubted; typical scenes have 0 to 2.7."""
 FULL = 65535
-RARE, LOWEST, HIGHEST = 0.004, 0.008, 0.8
-"""Of depth that was stretched to 0..FULL: largest share of pixels at the maximum (more are a code, far, or a clip), largest least
-value and least largest value below it, over FULL."""
+RARE = 0.004
+"""Largest share of pixels at the maximum of depth that was stretched to 0..FULL: more are a code, far, or a clip."""
 ROTATED_BITS = "its numbers are multiples of 8, as SUN RGB-D and SUN3D store millimetres (bits rotated by three)"
 UNROTATE = "give `depth_scale=8000`, or, where something is beyond 8.19 m, save (d >> 3) | (d << 13) of 16 bits"
 
@@ -110,7 +109,7 @@ def fills_16_bits(depth: np.ndarray, units: float) -> bool:
     if far > RARE * (np.count_nonzero(known) + far):
         return False
     share = depth[known] * units / FULL
-    return bool(share.min() <= LOWEST and HIGHEST <= share.max() <= 1)
+    return bool(share.min() <= 0.008 and 0.8 <= share.max() <= 1)
 
 
 def check_rotated_bits(seen: Observed) -> list[Finding]:

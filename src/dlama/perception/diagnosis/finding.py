@@ -13,8 +13,8 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, is_valid
 
 Severity = Literal["fault", "note", "fine"]
 """fault: results would be wrong; note: worth knowing; fine: how the input was understood."""
-CERTAIN, LIKELY = 0.9, 0.7
-"""Probabilities from which a finding is called so."""
+CERTAIN = 0.9
+"""Probability from which a finding is called so."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Finding:
 
 def describe_probability(confidence: float) -> str:
     """A probability in words."""
-    return "certain" if confidence >= CERTAIN else "likely" if confidence >= LIKELY else "perhaps"
+    return "certain" if confidence >= CERTAIN else "likely" if confidence >= 0.7 else "perhaps"
 
 
 def certainty(evidence: float, half: float) -> float:

@@ -24,14 +24,8 @@ ONE_SCENE = 60
 """Matched corners that no two scenes share by chance (at most 28 in 36 such pairs)."""
 SAME_ROW = 0.05
 """Largest difference, over the height, of the vertical offset of a matched corner of the same scene from the median."""
-SAME_PLACE = 0.5, 0.9
-"""Px within which, and share of, the corners of one and the same picture lie."""
-ROW_OFFSET_PX = (0.8, 1.5)
-"""Median and upper quartile of vertical offsets above which rows do not match; of rectified pairs they are 0 and 0.4 at most."""
-SHARED, SWAPPED = 0.5, 0.4
-"""Shares of matched corners: fewer within SAME_ROW are chance, more with negative disparity are a swapped pair."""
-SAME_DISPARITY = 2.0, 0.05
-"""Px, or share of it, by which the disparity at a corner may be off: true and matched maps are at 86 to 98 % of them."""
+SHARED = 0.5
+"""Share of matched corners: fewer within SAME_ROW are chance."""
 MANY_UNMATCHED = 0.35
 """Share of the left picture, but for plain sky, without a match that is warned of: 3 to 20 % of usable pairs."""
 
@@ -150,8 +144,8 @@ def find_pair_fault(
     if fault is not None:
         return fault.what
     own, theirs = disparities_at(corners, left_disparity)
-    agree = np.abs(own - theirs) <= np.maximum(SAME_DISPARITY[0], SAME_DISPARITY[1] * np.abs(own))
-    if len(agree) >= ENOUGH and agree.mean() < SHARED:
+    agree = np.abs(own - theirs) <= np.maximum(2.0, 0.05 * np.abs(own))
+    if len(agree) >= ENOUGH and agree.mean() < SHARED:  # true and matched maps have 86 to 98 %
         return (
             f"the disparity is that of only {agree.mean():.0%} of {len(agree)} corners that both pictures show; is it of this "
             "pair's left picture, in pixels (`disparity_scale` of a file), and no depth?"
@@ -204,7 +198,7 @@ def find_corner_fault(corners: Corners, height: int, doffs: float = 0.0) -> Find
             "taken at the same time?"
         )
         return _fault("unrelated", what, "give two pictures of one scene, taken side by side")
-    if (np.abs(offsets) < SAME_PLACE[0]).all(1).mean() > SAME_PLACE[1]:
+    if (np.abs(offsets) < 0.5).all(1).mean() > 0.9:
         what = (
             "corners lie at the same place in both pictures; are they one and the same, or is everything too far away for "
             "this baseline?"
@@ -212,13 +206,13 @@ def find_corner_fault(corners: Corners, height: int, doffs: float = 0.0) -> Find
         return _fault("identical", what, DIFFERENT)
     across, rows = offsets[:, 0] + doffs, np.abs(offsets[:, 1])
     middle, upper = np.median(rows), np.percentile(rows, 75)
-    if middle > ROW_OFFSET_PX[0] or upper > ROW_OFFSET_PX[1]:
+    if middle > 0.8 or upper > 1.5:  # px; of rectified pairs they are 0 and 0.4 at most
         what = (
             f"rows of the pictures do not match: a quarter of their corners lie {upper:.1f} px or more higher or lower in "
             "the other one; are the pictures rectified?"
         )
         return _fault("unrectified", what, describe_rectification(offsets[:, 1]))
-    if (across < -1).mean() > SWAPPED:
+    if (across < -1).mean() > 0.4:
         what = (
             f"{(across < -1).mean():.0%} of the corners lie farther to the right in the right picture; are left and right "
             "swapped?"

@@ -20,10 +20,9 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.supports import Planes
 
-MOST_PX, LEAST_SCALE = 200_000, 1 / 6
+MOST_PX = 200_000
 """Most pixels in which GrabCut runs, for its time is proportional to them (with twice as many a click in photos of 1.7 MP takes
-21 % more, for an IoU larger by .0002, 24 clicks; in pictures of tune it is larger by .0001, 75 clicks); and the smallest scale at
-which a click's disc (7 px) keeps a pixel."""
+21 % more, for an IoU larger by .0002, 24 clicks)."""
 LEAST_SAMPLES = 20
 """Least pixels of an object and of what is not from which their colours are learnt."""
 
@@ -67,8 +66,8 @@ def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray) -> BoolArray
 def run_grabcut(color: UInt8Array, state: UInt8Array, rounds: int) -> BoolArray:
     """H x W, True on the object, by GrabCut (Rother et al. 2004) from its codes (state, uint8 H x W); above MOST_PX pixels in a
     smaller picture. As the codes say where there are fewer than LEAST_SAMPLES pixels of either."""
-    by, wh, small = max(np.sqrt(MOST_PX / state.size), LEAST_SCALE), state.shape[::-1], state.copy()
-    if by < 1:
+    by, wh, small = max(np.sqrt(MOST_PX / state.size), 1 / 6), state.shape[::-1], state.copy()
+    if by < 1:  # not so small that a click's disc (7 px) would keep no pixel
         smaller = max(1, round(by * wh[0])), max(1, round(by * wh[1]))
         color = np.asarray(cv2.resize(color, smaller, interpolation=cv2.INTER_AREA), np.uint8)
         small = np.asarray(cv2.resize(state, smaller, interpolation=cv2.INTER_NEAREST), np.uint8)

@@ -173,8 +173,8 @@ class NetworkMask:
     @classmethod
     def of(cls, rgbd: RGBD, prompt: Prompt, seen: WindowSaliency | None) -> NetworkMask:
         """Of a prompt with one click. seen: the picture's saliency where depth is estimated."""
-        found = object_probability(rgbd, prompt.on[0], seen)
-        return cls(found.probability, 1 + found.px, found.there)
+        probability, px, there = object_probability(rgbd, prompt.on[0], seen)
+        return cls(probability, 1 + px, there)
 
     @classmethod
     def in_box(cls, rgbd: RGBD, prompt: Prompt) -> NetworkMask:

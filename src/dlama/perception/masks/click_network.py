@@ -8,7 +8,6 @@ objects of procedural worlds, in exact, measured, matched and estimated depth (`
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -104,21 +103,11 @@ def probability_in_window(planes: Float32Array, file: NetworkFile) -> tuple[Floa
     return np.asarray((found[0] + found[1][:, ::-1]) / 2, np.float32), [float(each.mean()) for each in objects]
 
 
-class ClickAnswer(NamedTuple):
-    """What the network says of a click."""
-
-    probability: Float32Array
-    """H x W, of belonging to the object at the click."""
-    px: int
-    """Pixels of the picture for each of the network."""
-    there: float
-    """Probability that an object is there: the largest of all squares."""
-
-
 def object_probability(
     rgbd: RGBD, pixel: Pixel, seen: WindowSaliency | None = None, file: NetworkFile | None = None
-) -> ClickAnswer:
-    """What the network says of a click at (row, column).
+) -> tuple[Float32Array, int, float]:
+    """What the network says of a click at (row, column): H x W, probability of belonging to the object there; pixels of the
+    picture for each of the network; probability that an object is there, the largest of all squares.
 
     seen: saliency of the picture where depth is estimated; None: depth says more, and sooner.
     """
@@ -137,7 +126,7 @@ def object_probability(
             salient[1] = salient_about(seen, pixel, 2 * radius + 1)
         found, more = probability_in_window(click_planes(rgbd, pixel, radius, salient), file)
         objects += more
-    return ClickAnswer(place_square(found, pixel, radius, hw), -(-(2 * radius + 1) // SIDE), max(objects))
+    return place_square(found, pixel, radius, hw), -(-(2 * radius + 1) // SIDE), max(objects)
 
 
 def next_side(found: Float32Array, side: int, longer: int) -> float:

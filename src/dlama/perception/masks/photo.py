@@ -24,8 +24,6 @@ from dlama.perception.masks.salient import SIDE, Window, WindowSaliency, window_
 
 WINDOWS = (0.5,)
 """Sides of the windows round a click after the first, that of `click_network`, over the root of the picture's area."""
-LEAST_GAIN = 0.05
-"""Gain in confidence that the mask of each smaller window needs: the network is often confident of both."""
 CUT_OFF = 0.2
 """Share of a window's border that a mask crosses, from which the whole picture is used, too."""
 
@@ -112,12 +110,10 @@ class PhotoMasker:
         return self.known[pixel]
 
     def read_windows(self, pixel: Pixel, windows: list[Window], first: int) -> list[Reading]:
-        """The readings of a click in windows; those of later windows must be more confident by LEAST_GAIN each. first: number of
-        the first window."""
+        """The readings of a click in windows; those of later windows must be more confident by .05 each, since the network is
+        often confident of both. first: number of the first window."""
         found = [(number, self.reading(pixel, window)) for number, window in enumerate(windows, first)]
-        readings = [
-            dataclasses.replace(one, confidence=one.confidence - number * LEAST_GAIN) for number, one in found if one
-        ]
+        readings = [dataclasses.replace(one, confidence=one.confidence - 0.05 * number) for number, one in found if one]
 
         def refine(first: int, last: int) -> None:
             for k in range(first, last):

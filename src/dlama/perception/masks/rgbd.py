@@ -38,10 +38,6 @@ from dlama.perception.masks.supports import (
 
 REACH_PX = 2
 """Largest distance in px within one piece: a spoke one pixel wide has gaps."""
-STEP = 0.01
-"""Largest relative depth difference of neighbouring pixels of one piece,"""
-SLOPE = 4.0
-"""and its growth per metre between the two pixels: a surface seen at 76 degrees."""
 SNAP_PX = 6
 """Radius in px in which a click finds the nearest piece: thin objects are hard to hit."""
 OBJECT_GAP = 0.15
@@ -156,9 +152,9 @@ def find_pieces(measured: Measured, support: BoolArray) -> Pieces:
     offsets = np.array(near, np.int64)
     apart = np.hypot(offsets[:, 0], offsets[:, 1])
     focal = min(rgbd.camera.fx, rgbd.camera.fy)
-    # and four standard deviations of the noise
-    step = STEP + 4 * noise * (float(np.median(rgbd.depth[rgbd.valid])) if noise else 0.0)
-    allowed = (step + np.where(apart < 1.5, SLOPE, SLOPE / 3) * apart / focal).astype(np.float32)
+    # relative: 1 % and four standard deviations of the noise, and 4 for each metre between the two: a surface at 76 degrees
+    step = 0.01 + 4 * noise * (float(np.median(rgbd.depth[rgbd.valid])) if noise else 0.0)
+    allowed = (step + np.where(apart < 1.5, 4.0, 4.0 / 3) * apart / focal).astype(np.float32)
     parent = np.arange(free.size, dtype=np.int32)
     join_regions(rgbd.depth, free, offsets, allowed, parent)
     return Pieces(rgbd.depth, free, parent.reshape(free.shape), support)

@@ -22,8 +22,6 @@ from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.photo import name_masks
 from dlama.perception.masks.prompt import Pointed, Prompt
 
-ON, NEGATIVE, CORNER, OPPOSITE, PADDING = 1, 0, 2, 3, -1
-"""Labels of points: on the object, on the background, upper left and lower right corner of a box, no point."""
 POINTS = ("point_coords", "batched_point_coords")
 LABELS = ("point_labels", "batched_point_labels")
 DTYPES = {"tensor(float)": np.float32, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
@@ -114,13 +112,14 @@ class EmbeddedPicture:
         return feed
 
     def points(self, prompt: Prompt) -> tuple[Float32Array, Float32Array]:
-        """N x 2 points (x, y) in the pixels in which the encoder saw the picture, and their N labels."""
-        points = [(x, y, ON) for x, y in prompt.clicks] + [(x, y, NEGATIVE) for x, y in prompt.not_clicks]
+        """N x 2 points (x, y) in the pixels in which the encoder saw the picture, and their N labels: 1 on the object, 0 on the
+        background, 2 and 3 the corners of a box, -1 no point."""
+        points = [(x, y, 1) for x, y in prompt.clicks] + [(x, y, 0) for x, y in prompt.not_clicks]
         if prompt.box is not None:
             x, y, wide, high = prompt.box
-            points += [(x, y, CORNER), (x + wide, y + high, OPPOSITE)]
+            points += [(x, y, 2), (x + wide, y + high, 3)]
         elif self.contract.side is not None:
-            points.append((0, 0, PADDING))
+            points.append((0, 0, -1))
         shown = self.contract.shown_hw(self.hw)
         table = np.array(points, np.float32)
         return table[:, :2] * np.array([shown[1] / self.hw[1], shown[0] / self.hw[0]], np.float32), table[:, 2]

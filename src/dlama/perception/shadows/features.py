@@ -23,11 +23,9 @@ STEPS = 8
 REACH = 20.0
 """Largest distance to a shape, in pixels of the crop."""
 FEWEST_PX = 6
-LOW, CONTACT = 0.15, 0.15
-"""Height of the ground contact, as a share of the object's; radius round it in which shadows lie, as a share of its size."""
 LEAST_DEEP = 0.05
-TONES, TONES_PX, ENOUGH_PX = (5, 10, 25, 50, 75, 90, 95), 12, 30
-"""Percentiles of the surface's level, the width of the ring for comparison, and the least number of pixels."""
+TONES = 5, 10, 25, 50, 75, 90, 95
+"""Percentiles of the surface's level."""
 TONE_STEPS = len(TONES) + 2
 
 
@@ -39,14 +37,13 @@ def cast_interiors(planes: ShadowPlanes) -> list[BoolArray]:
 
 
 def near_ground_contact(planes: ShadowPlanes) -> BoolArray:
-    """h x w, True within CONTACT of the object's size of its lowest part."""
+    """h x w, True within .15 of the object's size of the lowest .15 of it."""
     caster = planes.caster
-    low = caster & (planes.plane("height") < LOW / 2)
+    low = caster & (planes.plane("height") < 0.15 / 2)
     low = low if low.any() else caster
     if not low.any():
         return low
-    apart = distance_to(low)
-    return np.asarray((apart < max(5.0, CONTACT * float(np.sqrt(caster.sum())))) & ~caster)
+    return np.asarray((distance_to(low) < max(5.0, 0.15 * float(np.sqrt(caster.sum())))) & ~caster)
 
 
 def candidate_features(planes: ShadowPlanes, shapes: list[BoolArray]) -> Float32Array:
@@ -94,10 +91,10 @@ def tone_steps(planes: ShadowPlanes, region: BoolArray) -> Float32Array:
     if inside.sum() < FEWEST_PX:
         return np.zeros(TONE_STEPS, np.float32)
     level = cv2.blur(planes.color.mean(0) * LOG_RANGE, (2, 2))
-    ring = dilate_mask(region, TONES_PX) & ~dilate_mask(region, 3) & where
-    ring = ring if ring.sum() >= ENOUGH_PX else where
+    ring = dilate_mask(region, 12) & ~dilate_mask(region, 3) & where
+    ring = ring if ring.sum() >= 30 else where
     inner = erode_square(inside, 5)
-    inner = inner if inner.sum() >= ENOUGH_PX else inside
+    inner = inner if inner.sum() >= 30 else inside
     steps = np.percentile(level[ring], TONES) - np.percentile(level[inner], TONES)
     middle = max(float(steps[TONES.index(50)]), LEAST_DEEP)
     shares = np.clip([steps[TONES.index(90)] / middle, steps.min() / middle], -1, 2)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import box_around, dilate_mask, larger_box, sides_of, square
+from dlama.geometry.holes import box_around, box_mean, dilate_mask, larger_box, sides_of, square
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.shadows.ground import EDGE_PX, Crop, StandingObject, light_offsets, surface_axes
 
@@ -23,10 +23,8 @@ WINDOW_PX = 5
 """Side in px of the window over which darkness is averaged."""
 DIRECTIONS = 64
 """Number of directions, each with the same share of the sky's light."""
-POINTS = 2000
-"""Most points of the object in each of LAYERS of its thickness."""
-THICK, LAYERS = 0.5, 5
-"""Assumed thickness of an object, in its widths."""
+POINTS, LAYERS = 2000, 5
+"""Most points of the object in each of so many layers of its thickness."""
 COARSE = 2
 """Pixels of the crop (`ground.SIDE`) in one of the map."""
 
@@ -52,7 +50,9 @@ def measure_darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion:
     usable = surface & near & ~dilate_mask(mask, EDGE_PX)
     if usable.sum() < 200:
         return None
-    smooth = smooth_level(rgbd, surface & ~dilate_mask(mask, EDGE_PX))
+    level, inside = log_luma(rgbd.color), (surface & ~dilate_mask(mask, EDGE_PX)).astype(np.float32)
+    window = WINDOW_PX, WINDOW_PX
+    smooth = np.where(cv2.blur(inside, window) > 0, box_mean(level, inside, WINDOW_PX), level)
     hidden = sky_lost(occlusion)
     v, u = np.nonzero(usable)
     keep = slice(None, None, max(1, len(v) // 20000))
@@ -73,14 +73,6 @@ def measure_darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion:
 def sky_lost(occlusion: Float32Array) -> NDArray[np.float64]:
     """H x W natural logarithm of the whole sky's light over the unoccluded part; what hardly sees it is lit from elsewhere."""
     return np.asarray(-np.log(1 - np.minimum(occlusion, 0.95)), np.float64)
-
-
-def smooth_level(rgbd: RGBD, surface: BoolArray) -> Float32Array:
-    """H x W natural logarithm of luma, averaged over the visible surface in a window of WINDOW_PX."""
-    level = log_luma(rgbd.color)
-    inside = surface.astype(np.float32)
-    total, count = (cv2.blur(each, (WINDOW_PX, WINDOW_PX)) for each in (level * inside, inside))
-    return np.asarray(np.where(count > 0, total / np.maximum(count, 1e-6), level), np.float32)
 
 
 def log_luma(color: UInt8Array) -> Float32Array:
@@ -140,7 +132,7 @@ def thicken(caster: StandingObject) -> StandingObject:
     across, behind = surface_axes(caster.up)
     place = caster.base @ across
     width = float(np.quantile(place, 0.98) - np.quantile(place, 0.02))
-    layers = [caster.base[keep] + back * behind for back in np.linspace(0, THICK * width, LAYERS)]
+    layers = [caster.base[keep] + back * behind for back in np.linspace(0, width / 2, LAYERS)]
     return StandingObject(np.concatenate(layers), np.tile(caster.rise[keep], LAYERS), caster.up)
 
 

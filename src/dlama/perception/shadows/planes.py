@@ -32,13 +32,13 @@ FIRST_CAST = PLANES.index("cast")
 """First plane of a cast shape."""
 LOG_RANGE, FAR = 2.0, 4.0
 """Log colour, and distance in object heights, that are 1 in a plane (the latter through tanh)."""
-COLORS, DARKEST, BRIGHTEST = 24, -2.5, 1.5
-"""Bins of log colour a channel, and what they cover."""
+COLORS = 24
+"""Bins of log colour a channel."""
 NETWORK = ASSETS / "shadow" / "shadow.onnx"
 LOG_SHARE = 4.0
 """Logarithm of a frequency that is 1 in a plane."""
-HUES, HUE_RANGE, HUE_BLUR_PX = 32, 1.0, 1.0
-"""Bins of the logarithms of red and blue over green, how far from 0 they reach, and the blur of colours before."""
+HUES = 32
+"""Bins of the logarithms of red and blue over green."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,8 @@ class ShadowPlanes:
 
 
 def bin_of(color: Float32Array) -> NDArray[np.intp]:
-    """N x 3: which of COLORS bins each channel of log colours (N x 3) is in."""
-    return (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
+    """N x 3: which of COLORS bins, from -2.5 to 1.5, each channel of log colours (N x 3) is in."""
+    return (np.clip((color + 2.5) / 4, 0, 0.9999) * COLORS).astype(int)
 
 
 def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[ShadowPlanes, Crop, Float32Array]:
@@ -160,8 +160,8 @@ def darkness_by_hue(planes: ShadowPlanes) -> Float32Array:
     """h x w mean log level of all surface pixels with similar ratios of red, green and blue, over the pixel's own. A shadow is
     equally far below its own material on a rug and on the floor next to it. 0 off the surface."""
     where = planes.surface
-    color = np.stack([cv2.GaussianBlur(plane, (0, 0), HUE_BLUR_PX) for plane in planes.color])[:, where] * LOG_RANGE
-    ratios = np.clip((np.stack([color[0] - color[1], color[2] - color[1]]) / HUE_RANGE + 1) / 2, 0, 0.9999)
+    color = np.stack([cv2.GaussianBlur(plane, (0, 0), 1.0) for plane in planes.color])[:, where] * LOG_RANGE
+    ratios = np.clip((np.stack([color[0] - color[1], color[2] - color[1]]) + 1) / 2, 0, 0.9999)  # -1 to 1
     place, level = (ratios * HUES).astype(int), color.mean(0)
     flat = place[0] * HUES + place[1]
     count, total = (

@@ -24,10 +24,6 @@ SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.7
 """Tried lengths of a shadow over the object's height."""
 TURNS = 48
 """Number of tried directions over the surface."""
-FINE_SLOPES = np.linspace(0.82, 1.18, 7)
-"""Refinement round the best: factors of the slope,"""
-FINE_TURNS = np.linspace(-2 / 3, 2 / 3, 5)
-"""and steps of the direction."""
 BLUR_PX, STEEPEST = 1.2, 0.08
 """Blur of the reduced picture, and the largest gradient (of the logarithm, per px) that counts, so that lines of a pattern weigh
 no more than borders."""
@@ -66,7 +62,8 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> tuple
 
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
     top = np.argsort(-strengths(slopes, turns), kind="stable")[:6]
-    factors, shifts = (each.ravel() for each in np.meshgrid(FINE_SLOPES, FINE_TURNS, indexing="ij"))
+    finer = np.linspace(0.82, 1.18, 7), np.linspace(-2 / 3, 2 / 3, 5)
+    factors, shifts = (each.ravel() for each in np.meshgrid(*finer, indexing="ij"))
     near = np.outer(slopes[top], factors).ravel(), np.add.outer(turns[top], shifts).ravel()
     fine = strengths(*near)
     best = int(fine.argmax())
