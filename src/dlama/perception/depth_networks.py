@@ -132,21 +132,14 @@ def outputs_of_contract(
 
 def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> DepthPrediction:
     """The network's prediction for a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
-    fixed = fixed_size(network)
-    sizes = contract.input_sizes(color.shape[:2]) if fixed is None else [fixed]
+    sizes = contract.input_sizes(color.shape[:2])
+    fixed = next(iter(network.inputs.values()))[1][2:]
+    if len(fixed) == 2 and all(isinstance(side, int) for side in fixed):  # a graph for pictures of one size alone
+        sizes = [(fixed[0], fixed[1])]
     found = [predict_at(network, contract, color, hw) for hw in sizes]
     if len(found) == 1:
         return found[0]
     return dataclasses.replace(found[0], values=mean_map([one.values for one in found], contract.metric))
-
-
-def fixed_size(network: NetworkFile) -> tuple[int, int] | None:
-    """Height and width of a graph that takes pictures of one size alone."""
-    shape = next(iter(network.inputs.values()))[1]
-    if len(shape) != 4:
-        return None
-    height, width = shape[2:]
-    return (height, width) if isinstance(height, int) and isinstance(width, int) else None
 
 
 def mean_map(maps: Sequence[Float32Array], metric: bool) -> Float32Array:

@@ -41,6 +41,7 @@ from dlama.perception.depth_networks import (
     predict,
 )
 from dlama.perception.depth_scale import ASSUMED_MEDIAN_M, FARTHEST_M, RULES, check_known, estimate_scale
+from dlama.perception.resampling import interpolate
 from dlama.perception.sharpening import sharpen_depth
 
 DEFAULT = "tcmonodepth"
@@ -129,11 +130,8 @@ def estimate_depth(
             f"({RULES[scale.rule]}); give depth"
         )
     if scale.rule == "assumed":
-        other = (
-            ", `camera_height` or a metric `depth_model`"
-            if isinstance(depth_model, (str, Path))
-            else " or `camera_height`"
-        )
+        names_network = isinstance(depth_model, (str, Path))
+        other = ", `camera_height` or a metric `depth_model`" if names_network else " or `camera_height`"
         warn(f"the scale of the estimated depth is assumed (median {ASSUMED_MEDIAN_M:g} m): give `metres_at`{other}")
     meta = {
         "estimator": name,
@@ -221,8 +219,7 @@ def resolve_camera(
     height, width = color.shape[:2]
     if camera is not None:
         check_same_size("the camera", camera.hw, "the picture", color.shape)
-    shift = 0.0
-    source = "given"
+    shift, source = 0.0, "given"
     if prediction.gives == "points":
         known = None if camera is None else camera.fx / camera.width
         shift, found = fit_points(prediction.values, prediction.far, known)
@@ -249,7 +246,7 @@ def resize_prediction(
         if far is not None:
             near = cv2.resize(far.astype(np.uint8), camera.wh, interpolation=cv2.INTER_NEAREST)
             values, far = np.where(far, np.float32(0), values), near > 0
-        values, inverse = np.asarray(cv2.resize(values, camera.wh, interpolation=cv2.INTER_LINEAR)), True
+        values, inverse = interpolate(values, camera.hw), True
     if inverse:
         values = np.maximum(values, np.float32(0))
     elif not (values > 0).all():

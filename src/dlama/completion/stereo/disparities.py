@@ -82,7 +82,7 @@ def matcher_for(
         return functools.partial(run_matcher, matcher, rig), {"matcher": function_name(matcher)}
     if matcher is not None:
         network = NetworkMatcher.open(matcher)
-        return network, {"matcher": network.notes}
+        return network, {"matcher": network.file.notes}
 
     lowest = min(max(-rig.doffs, -rig.left.width / 2), 0.0)  # px, of a point at infinity
 

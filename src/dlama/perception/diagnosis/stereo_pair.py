@@ -6,7 +6,7 @@ They may be swapped, mirrored, turned, identical, not rectified, of exchanged ch
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -31,24 +31,25 @@ MANY_UNMATCHED = 0.35
 
 DIFFERENT = "give the two different pictures of the pair"
 """What mends a pair of one picture."""
+NONE = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, eq=False)
 class Corners:
     """Corners found in both pictures of a pair."""
 
-    offsets: Float64Array
-    """N x 2 px, left minus right position (x: disparity, y: 0 where rows match) of the matched ones."""
-    turns: Float64Array
-    """N degrees by which each is turned in the right picture."""
     found: int
     """Corners in the picture that has fewer."""
     mirrored: int = 0
     """How many match where the right picture is flipped left to right; 0 where many match as it is."""
-    warmth: Float64Array = field(default_factory=lambda: np.zeros((0, 2)))
+    at: Float64Array = NONE
+    """N x 2 px, column and row of each matched one in the left picture."""
+    offsets: Float64Array = NONE
+    """N x 2 px, left minus right position (x: disparity, y: 0 where rows match)."""
+    turns: Float64Array = NONE[:, 0]
+    """N degrees by which each is turned in the right picture."""
+    warmth: Float64Array = NONE
     """N x 2 levels, red minus blue around each, in the left and in the right picture."""
-    at: Float64Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """N x 2 px, column and row of each in the left picture."""
 
 
 Described = tuple[Sequence[cv2.KeyPoint], UInt8Array]
@@ -60,27 +61,24 @@ def match_corners(left: UInt8Array, right: UInt8Array) -> Corners:
     finder = cv2.ORB.create(1500)
     # too small for any, or for OpenCV at all
     if min(*left.shape[:2], *right.shape[:2]) <= 2 * finder.getEdgeThreshold():
-        return Corners(np.zeros((0, 2)), np.zeros(0), 0)
+        return Corners(0)
     here, there = describe_corners(finder, left), describe_corners(finder, right)
     found = min(len(here[0]), len(there[0]))
     if found < 2:
-        return Corners(np.zeros((0, 2)), np.zeros(0), found)
-    matched = match_described(here, there)
-    offsets = [np.subtract(one.pt, other.pt) for one, other in matched]
-    turns = [other.angle - one.angle for one, other in matched]
-    mirrored = 0
+        return Corners(found)
+    matched, mirrored = match_described(here, there), 0
     if len(matched) < 0.3 * found:  # a mirrored pair matches 22 % at most, as symmetric objects do
         flipped = describe_corners(finder, right[:, ::-1])
         mirrored = len(match_described(here, flipped)) if len(flipped[0]) >= 2 else 0
-    warmth = [warmth_at(left, [one for one, _ in matched]), warmth_at(right, [other for _, other in matched])]
-    offsets_px = np.array(offsets, np.float64).reshape(-1, 2)
-    at = np.array([one.pt for one, _ in matched], np.float64).reshape(-1, 2)
-    return Corners(offsets_px, np.array(turns, np.float64), found, mirrored, np.stack(warmth, 1), at)
+    at, at_right = (np.array([pair[k].pt for pair in matched], np.float64).reshape(-1, 2) for k in (0, 1))
+    turns = np.array([other.angle - one.angle for one, other in matched], np.float64)
+    warmth = np.stack([warmth_at(left, at), warmth_at(right, at_right)], 1)
+    return Corners(found, mirrored, at, at - at_right, turns, warmth)
 
 
-def warmth_at(picture: UInt8Array, corners: Sequence[cv2.KeyPoint]) -> Float64Array:
-    """N levels, red minus blue around corners of a picture (H x W x 3, RGB)."""
-    x, y = np.array([corner.pt for corner in corners]).reshape(-1, 2).astype(int).T
+def warmth_at(picture: UInt8Array, at: Float64Array) -> Float64Array:
+    """N levels, red minus blue around places (N x 2, column and row) of a picture (H x W x 3, RGB)."""
+    x, y = at.astype(int).T
     colors = cv2.blur(picture, (5, 5))[y, x].astype(np.float64)
     return np.asarray(colors[:, 0] - colors[:, 2])
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -109,11 +108,6 @@ class NetworkMatcher:
                 f"finite numbers of {shown[0]} x {shown[1]} are expected"
             )
         return self.contract.disparity(out.reshape(-1, *shown)[0], base.shape[:2])
-
-    @property
-    def notes(self) -> dict[str, Any]:
-        """What ran, for meta.json."""
-        return self.file.notes
 
 
 def read_file_contract(file: NetworkFile) -> StereoContract:

@@ -158,7 +158,7 @@ def follow_lines(
     if not unseen.any() or not followed.any():
         return on, cost
     first, length, _ = seen_on_lines(lines, lines.along, cells, followed, STRIDE, unseen)
-    other_first, other_length, _ = seen_on_lines(lines, lines.across, cells, followed, STRIDE_ACROSS, unseen)
+    found_across = seen_on_lines(lines, lines.across, cells, followed, STRIDE_ACROSS, unseen)
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
     few_on, few_cost = np.zeros_like(few[0]), np.zeros_like(few[0])
     hidden = np.zeros_like(few[0])
@@ -169,10 +169,10 @@ def follow_lines(
         farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
         few_on[k] = there
         few_cost[k] = np.where(there, CONTINUED_COST * np.log1p(farther), PAST * ends)
-        others = enlarge_like(other_first[k - 2], ends), enlarge_like(other_length[k - 2], ends)
+        away, seen = (repeat_cells(one[k - 2], STRIDE_ACROSS // STRIDE, ends.shape) for one in found_across[:2])
         nothing = ~there & ~ends & (first[k - 2] < 0)
-        across_it = 2 * CONTINUED_COST * np.log1p(np.maximum(others[0], 1) / np.maximum(others[1], 1))
-        few_cost[k] += nothing * np.where(others[1] > 0, across_it, PAST * (others[0] < 0))
+        across_it = 2 * CONTINUED_COST * np.log1p(np.maximum(away, 1) / np.maximum(seen, 1))
+        few_cost[k] += nothing * np.where(seen > 0, across_it, PAST * (away < 0))
         hides = there * np.minimum(np.log1p(1 / farther), MOST_HIDDEN)
         np.maximum(hidden, hides * (IN_FRONT * few[0] < value), out=hidden)
     weight = few[1].astype(np.float32)
@@ -236,11 +236,6 @@ def enlarge_strided(values: Float32Array, hw: tuple[int, ...]) -> Float32Array:
     """Values of every STRIDE-th cell (h' x w'), interpolated to h x w cells."""
     height, width = (STRIDE * size for size in values.shape)
     return np.asarray(cv2.resize(values, (width, height), interpolation=cv2.INTER_LINEAR)[: hw[0], : hw[1]], np.float32)
-
-
-def enlarge_like(values: Float32Array, other: np.ndarray) -> Float32Array:
-    """Cells of a coarser grid repeated to the shape of a finer one."""
-    return np.asarray(repeat_cells(values, STRIDE_ACROSS // STRIDE, other.shape), np.float32)
 
 
 def plane_coefficients(candidates: Float32Array) -> NDArray[np.float64]:
