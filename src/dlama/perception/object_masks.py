@@ -11,12 +11,10 @@ from typing import Any
 from dlama.arguments import check_arguments, check_word
 from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only, percent
-from dlama.models.network_file import make_room
 from dlama.perception.masks.choice import rgbd_masker
-from dlama.perception.masks.prompt import Box, NothingThereError, Point, Pointed, Prompt
+from dlama.perception.masks.prompt import Box, Point, Pointed, Prompt
 from dlama.perception.masks.salient import salient_masker
 from dlama.perception.masks.segment_anything import segment_anything_masker
-from dlama.perception.masks.small import SmallPicture
 from dlama.perception.missing_depth import densify
 from dlama.perception.shadows.find import find_shadow
 
@@ -86,31 +84,9 @@ class MaskSession:
             raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is expected")
 
     @cached_property
-    def _small(self) -> SmallPicture | None:
-        """What a large picture with measured depth is searched in; the other maskers find sizes of their own."""
-        picture = self.picture
-        if self.masker != "rgbd" or not isinstance(picture, RGBD) or picture.estimate is not None:
-            return None
-        return SmallPicture.of(picture)
-
-    @cached_property
     def _pointed(self) -> Pointed:
-        masker, picture = MASKERS[self.masker], self.picture if self._small is None else self._small.rgbd
-        make_room((self.color if self._small is None else self._small.rgbd.color)[..., 0].size)
-        return masker.open(picture if masker.needs_depth else self.color, self.mask_model)
-
-    def _masks(self, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-        """H x W masks by name, and notes."""
-        small = self._small
-        if small is None:
-            return self._pointed(prompt)
-        smaller = small.prompt(prompt)
-        try:
-            masks, notes = self._pointed(smaller)
-        except NothingThereError as error:
-            here = dict(zip(smaller.on, prompt.on))[error.pixel]
-            raise NothingThereError(here, error.where, error.on) from None
-        return {name: small.enlarge_found(mask, prompt) for name, mask in masks.items()}, notes
+        masker = MASKERS[self.masker]
+        return masker.open(self.picture if masker.needs_depth else self.color, self.mask_model)
 
     def find(
         self,
@@ -124,8 +100,7 @@ class MaskSession:
         """The mask of the object under clicks or in a box; parameters and errors as `find_mask`."""
         check_arguments(MaskSession.find, locals())
         check_names(self.masker, self.mask_model, candidate)
-        prompt = self._prompt(clicks, not_clicks, box)
-        masks, notes = self._masks(prompt)
+        masks, notes = self._pointed(self._prompt(clicks, not_clicks, box))
         masks = {each: make_read_only(mask) for each, mask in masks.items() if mask.any()}
         if not masks:
             raise MaskError("nothing of the object is left; fewer `not_clicks` are expected")

@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-from dlama import RGBD, Camera, MaskError, MaskSession, find_mask
+from dlama import RGBD, Camera, MaskError, find_mask
 from dlama.geometry.holes import iou
 from dlama.perception.masks import borders
 from dlama.perception.masks.borders import MOST_PX, cut_out_box, decide_by_color, run_grabcut
 from dlama.perception.masks.prompt import Prompt
-from worlds import Box, Plane, World, box_round, innermost_pixel
+from worlds import Box, Plane, World, innermost_pixel
 
 CAMERA = Camera.from_fov(160, 120, 70)
 WORLD = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), Box((-0.6, 0.0, 2.6), (0.2, 1.0, 3.2))))
@@ -77,21 +77,6 @@ def uneven(depth: np.ndarray) -> np.ndarray:
     return (1 / (w + np.random.default_rng(1).normal(0, 0.04 * np.median(w), w.shape))).astype(np.float32)
 
 
-@pytest.fixture(scope="module")
-def session() -> MaskSession:
-    """Of the scene in estimated depth; networks run once for each window that several tests ask for."""
-    color, depth, _ = scene()
-    return MaskSession(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}))
-
-
-@pytest.mark.slow
-def test_a_click_finds_the_box_in_estimated_depth(session: MaskSession) -> None:
-    """The box as the picture shows it; what it was found in is said."""
-    found = session.find(clicks=[CLICK])
-    assert iou(found.mask, scene()[2]) > 0.93
-    assert "found in estimated depth" in found.notes[0]
-
-
 def test_a_click_finds_the_box_in_noisy_depth() -> None:
     color, depth, box = scene()
     assert iou(find_mask(RGBD(color, uneven(depth), CAMERA), clicks=[CLICK]).mask, box) > 0.93
@@ -107,15 +92,6 @@ def test_colours_of_a_large_picture_are_cut_in_a_smaller_one(monkeypatch: pytest
     found = cut_out_box(color, Prompt(box.shape, (CLICK,), box=(30.0, 30.0, 80.0, 80.0)))
     assert sizes and max(sizes) < 1.05 * 4000
     assert iou(found, box) > 0.85
-
-
-@pytest.mark.slow
-def test_a_box_and_corrections_are_heeded(session: MaskSession) -> None:
-    """The drawn box bounds the mask; a pixel next to the object is none of it, a further click is."""
-    box = scene()[2]
-    assert iou(session.find(box=box_round(box, 3)).mask, box) > 0.93
-    mask = session.find(clicks=[CLICK, (20, 110)], not_clicks=[(106, 75)]).mask
-    assert mask[110, 20] and not mask[75, 106] and iou(mask & box, box) > 0.8
 
 
 def test_sky_alone_is_refused() -> None:

@@ -29,7 +29,8 @@ LEAST_SAMPLES = 20
 
 def at_same_depth(found: Planes, target: BoolArray, gap: float) -> BoolArray:
     """H x W, True where inverse depth differs from that of the nearest pixel of the object by no more than `gap`, relative."""
-    here, there = found.w, found.w.ravel()[nearest_known(target & (found.w > 0))[1]]
+    here = found.inverse_depth
+    there = here.ravel()[nearest_known(target & (here > 0))[1]]
     return np.asarray(np.abs(here - there) <= gap * np.maximum(here, there))
 
 

@@ -24,6 +24,7 @@ from dlama.perception.masks.photo import PhotoMasker, name_masks
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Point, Pointed, Prompt
 from dlama.perception.masks.rgbd import Measured, rgbd_candidates
 from dlama.perception.masks.salient import WindowSaliency
+from dlama.perception.masks.small import SmallPicture
 
 ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
 AGREES, AGREES_ESTIMATED, AGREES_CAMERA = 0.4, 0.65, 0.8
@@ -32,11 +33,14 @@ picture, of the photo alone, and of a depth camera's."""
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Pointed:
-    """The masker of one picture; its planes are found once. With estimated depth the picture leads."""
+    """The masker of one picture; its planes are found once, of a large one in a smaller one. With estimated depth the picture
+    leads."""
     if rgbd.estimate is not None:
         photo = PhotoMasker(rgbd)
         rough = Masker(rgbd, photo.candidates, AGREES_ESTIMATED, photo.seen)
         return lambda prompt: (rough.masks(prompt), (ROUGH,))
+    if small := SmallPicture.of(rgbd):
+        return small.find_with(rgbd_masker(small.rgbd, model))
     measured = Measured.of(rgbd)
     agrees = AGREES_CAMERA if measured.edge_offset else AGREES
     masker = Masker(rgbd, partial(rgbd_candidates, measured), agrees)

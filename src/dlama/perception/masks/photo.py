@@ -16,6 +16,7 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, region_at, sides_of
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.models.network_file import make_room
 from dlama.perception.masks.borders import cut_out_box, decide_by_color
 from dlama.perception.masks.click_network import first_window
 from dlama.perception.masks.prompt import NothingThereError, Pixel, Prompt, square_about
@@ -47,6 +48,7 @@ class PhotoMasker:
 
     def __init__(self, rgbd: RGBD) -> None:
         check_surfaces(rgbd)
+        make_room(rgbd.depth.size)
         self.rgbd = rgbd
         self.seen = WindowSaliency(rgbd.color)
         self.known: dict[Pixel, list[Reading]] = {}

@@ -11,7 +11,7 @@ import numpy as np
 
 from dlama.errors import MaskError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.models.network_file import ASSETS, shipped_network
+from dlama.models.network_file import ASSETS, make_room, shipped_network
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.prompt import Pixel, Pointed, Prompt
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
@@ -25,6 +25,7 @@ Window = tuple[slice, slice]
 
 def salient_masker(color: UInt8Array, model: None) -> Pointed:
     """The masker of one picture (H x W x 3): the network runs once."""
+    make_room(color[..., 0].size)
     level = saliency(color)
     return lambda prompt: salient_candidates(level, prompt)
 

@@ -17,7 +17,7 @@ from dlama.errors import FileError, InputError, MaskError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.models.cache import locate, user_path
 from dlama.models.contracts import ColorContract
-from dlama.models.network_file import NetworkFile, open_kept
+from dlama.models.network_file import NetworkFile, make_room, open_kept
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.photo import name_masks
 from dlama.perception.masks.prompt import Pointed, Prompt
@@ -128,6 +128,7 @@ class EmbeddedPicture:
 def segment_anything_masker(color: UInt8Array, mask_model: object) -> Pointed:
     """The masker of one picture (H x W x 3): it is encoded once. InputError: no such pair; FileError: files that keep no
     contract."""
+    make_room(color[..., 0].size)
     encoder, decoder, contract = find_pair(mask_model)
     tensor = contract.tensor(color)
     inputs = list(encoder.inputs.items())

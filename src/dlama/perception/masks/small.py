@@ -13,7 +13,7 @@ import numpy as np
 from dlama.geometry.holes import dilate_square, erode_mask, shrink_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.prompt import NothingThereError, Pointed, Prompt
 from dlama.perception.resampling import nearest_pixels, shrink_rgbd
 
 LARGEST, SMALL = 2_200_000, 1_000_000
@@ -64,13 +64,24 @@ class SmallPicture:
         """A mask of the large picture at the small one's size."""
         return shrink_mask(mask, self.rgbd.camera.wh) >= 0.5
 
-    def enlarge_found(self, mask: BoolArray, prompt: Prompt) -> BoolArray:
-        """A mask found in the small picture at the large one's size: within the box, with all clicks right."""
-        out = self.enlarge(mask) & prompt.inside
-        for belongs, pixels in ((True, prompt.on), (False, prompt.away)):
-            for pixel in pixels:
-                out[pixel] = belongs
-        return out
+    def find_with(self, masker: Pointed) -> Pointed:
+        """The masker of the large picture, by that of the small one: masks stay within the box, and all clicks are right."""
+
+        def find(prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+            smaller = self.prompt(prompt)
+            try:
+                found, notes = masker(smaller)
+            except NothingThereError as error:
+                here = dict(zip(smaller.on, prompt.on))[error.pixel]
+                raise NothingThereError(here, error.where, error.on) from None
+            masks = {name: self.enlarge(mask) & prompt.inside for name, mask in found.items()}
+            for mask in masks.values():
+                for belongs, pixels in ((True, prompt.on), (False, prompt.away)):
+                    for pixel in pixels:
+                        mask[pixel] = belongs
+            return masks, notes
+
+        return find
 
     def enlarge(self, mask: BoolArray) -> BoolArray:
         """A mask of the small picture at the large one's size."""

@@ -11,7 +11,14 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.planes import ESTIMATED_NOISE, find_planes, label_known, noise_level, plane_normal
+from dlama.perception.planes import (
+    ESTIMATED_NOISE,
+    KnownSurfaces,
+    find_planes,
+    label_known,
+    noise_level,
+    plane_normal,
+)
 
 SMALLEST_SUPPORT = 0.03
 """Least share of the picture of a supporting plane."""
@@ -23,19 +30,11 @@ NOISY = 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class Planes:
-    """The planes of a picture and the label of each pixel."""
+class Planes(KnownSurfaces):
+    """The planes of a picture, whose inverse depth keeps its noise."""
 
-    w: Float32Array
-    """H x W inverse depth, 1/m; 0 where far or missing."""
-    planes: NDArray[np.float64]
-    """K x 3, inverse depth a u + b v + c over pixels."""
-    label: NDArray[np.int8]
-    """H x W: k >= 1 on the k-th plane, 0 far, -1 elsewhere."""
-    behind: tuple[float, ...]
+    behind: tuple[float, ...] = ()
     """Share of each plane's border with something behind it."""
-    noise: float
-    """Standard deviation of inverse depth, 1/m; 0 where it is exact."""
 
     def value_at(self, number: int, row: int, column: int) -> float:
         """Inverse depth of the plane `number` (from 0) at a pixel's centre."""
@@ -56,7 +55,7 @@ def find_planes_of_picture(rgbd: RGBD) -> Planes:
     planes = find_planes(w, valid, 0, noise)
     label = label_known(w, valid, rgbd.far, planes, noise)
     behind = tuple(behind_share(w, known, label == n + 1, plane, noise) for n, plane in enumerate(planes))
-    return Planes(w, planes, label, behind, noise)
+    return Planes(w, label, planes, noise, behind)
 
 
 def behind_share(
@@ -90,7 +89,7 @@ def is_level(found: Planes, number: int, camera: Camera) -> bool:
 
 def is_in_front(found: Planes, number: int, seed: tuple[int, int]) -> bool:
     """Whether (row, column) lies before plane `number`, by more than noise."""
-    here, plane = found.w[seed], found.value_at(number, *seed)
+    here, plane = found.inverse_depth[seed], found.value_at(number, *seed)
     return bool(here > 1.01 * plane and here > plane + NOISY * found.noise)
 
 

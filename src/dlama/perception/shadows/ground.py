@@ -136,7 +136,7 @@ def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     surface = on_plane | (closed & (found.label < 1))
     if rgbd.estimate is not None:  # estimated ground bends
         value = plane_values(found.planes[number - 1 : number], mask.shape)[0]
-        surface = np.abs(value - found.w) < 0.2 * found.w
+        surface = np.abs(value - found.inverse_depth) < 0.2 * found.inverse_depth
     return Ground(normal, np.asarray(surface & rgbd.valid & ~mask))
 
 

@@ -87,7 +87,7 @@ def test_nothing_continues_where_nothing_is_cut() -> None:
 
 def test_foliage_has_steps_everywhere() -> None:
     """Closed form: of a checkerboard of two depths every pair of neighbours is a step, on a slope of 1 % a cell none, along one
-    straight outline one pair in 2 x AROUND; unknown cells count as nothing."""
+    straight outline one pair in 30; unknown cells count as nothing."""
     known = np.ones(HW, bool)
     checker = np.where((ROWS + COLUMNS) % 2, 0.5, 0.25).astype(np.float32)
     assert foliage(checker, known).all() and not foliage(checker, ~known).any()

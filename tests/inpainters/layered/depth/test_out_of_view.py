@@ -27,7 +27,6 @@ from dlama.inpainters.layered.depth.out_of_view import (
     continue_between,
     ending_cost,
     follow_lines,
-    has_ended,
 )
 from dlama.inpainters.layered.depth.plane_edges import align_lines_to_edges
 from dlama.inpainters.layered.filler import layered
@@ -156,18 +155,6 @@ def test_cost_of_a_wall_that_continues_and_of_one_that_has_ended() -> None:
     for row in (4, 12):
         np.testing.assert_allclose(cost[2, row, 4:20], PAST, atol=1e-3)
         assert not on[2, row, 4:20].any() and not cost[1, row, 4:20].any()
-
-
-def test_nothing_hangs_in_the_air() -> None:
-    """By hand: of rows that see the plane those between rows that look past it have ended, and those below the picture's rim;
-    those with nothing below them have not."""
-    first, length = np.full((30, 3), 5, np.float32), np.zeros((30, 3), np.float32)
-    length[10:14, 0] = length[10:, 1] = length[4:14, 2] = 9
-    first[:4, 2] = -1
-    ended = has_ended(first, length)
-    assert ended[:, 0].all() and ended[:10, 1].all() and not ended[10:, 1].any() and ended[4:, 2].all()
-    past_alone = has_ended(first, length, between=False)
-    np.testing.assert_array_equal(past_alone, (first > 0) & (length == 0))
 
 
 def test_the_horizon_is_that_of_the_floor() -> None:

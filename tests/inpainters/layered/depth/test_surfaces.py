@@ -18,14 +18,13 @@ from dlama.inpainters.layered.depth.surface_labels import (
     REACH,
     RIM,
     CoarseView,
-    angle_to_far,
 )
 from dlama.inpainters.layered.depth.surfaces import continue_surfaces
 from dlama.inpainters.layered.kernels import surfaces as kernels
 from dlama.perception.planes import SKY
 from marks import first_quick
 from reference import extension as twin
-from worlds import Plane, moved
+from worlds import Plane
 
 SEEDS = first_quick(range(8), 4)
 
@@ -106,18 +105,6 @@ def test_belief_propagation_on_a_tree_is_exact(shape: list[str], seed: int) -> N
             got[row, column] - got[row, column].min(), exact[row, column] - exact[row, column].min(), atol=1e-5
         )
     np.testing.assert_array_equal(got[~hole], 0)
-
-
-def test_angle_to_the_nearest_sky_that_was_seen() -> None:
-    """Closed form: sky in one pixel straight ahead of the source; a camera turned by 30 degrees, elsewhere, sees it 30
-    degrees off its axis, and less towards it; the place does not matter."""
-    source = Camera(3, 3, 50, 50, 1.5, 1.5)
-    measured = np.full((3, 3), 2, np.float32)
-    measured[1, 1] = np.inf
-    target = moved(Camera(41, 31, 60, 60, 20.5, 15.5), turn=(0, 30, 0), shift=(5, 1, -2))
-    angle = angle_to_far(target, Law(((source, measured),)))
-    x = np.degrees(np.arctan((np.arange(41) + 0.5 - 20.5) / 60))
-    np.testing.assert_allclose(np.degrees(angle[15]), 30 + x, atol=1e-3)
 
 
 def test_a_plane_seen_nowhere_else_and_pixels_alone() -> None:

@@ -37,15 +37,9 @@ PIECE = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
-class Surfaces:
-    """Inverse depth and surface label of every pixel of a view, known and filled."""
+class Surfaces(KnownSurfaces):
+    """The surfaces of a view, continued into its holes: inverse depth and label of every pixel."""
 
-    inverse_depth: Float32Array
-    """H x W, 1/m; 0 = far. Known pixels on planes are denoised."""
-    label: NDArray[np.int8]
-    """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
-    planes: NDArray[np.float64]
-    """K x 3, w = a u + b v + c in pixels of the view."""
     leaves: NDArray[np.intp] = field(default_factory=lambda: np.zeros((2, 0), np.intp))
     """2 x N, as of `copy_leaves`: where foliage extends."""
 
@@ -84,7 +78,7 @@ def continue_surfaces(view: View, context: FillContext, seed: int = 0) -> Surfac
         by_color = move_beyond_range(along_colors, known.inverse_depth, missing, view.hole)
         known = dataclasses.replace(known, inverse_depth=by_color.inverse_depth, label=by_color.label)
         if (by_color.reached | ~view.hole).all():
-            return Surfaces(known.inverse_depth, known.label, known.planes)
+            return Surfaces(**vars(known))
         # of a LIDAR, whose readings are single, hardly a cell would be known without
         view = view.with_known_depth(depth_from_inverse(known.inverse_depth), by_color.reached)
     coarse = sample_grid(view, known, max(1.0, max(missing.shape) / GRID), context.law.misplaced_edges)
@@ -148,4 +142,4 @@ def upsample_labels(
     lawful = ~law.violations_at(view.camera, pixels, depth_from_inverse(out[leaves]))
     pixels, leaves = pixels[lawful], leaves[lawful]
     out[pixels], label[pixels] = out[leaves], SMOOTH
-    return Surfaces(known.inverse_depth, known.label, known.planes, np.stack([pixels, leaves]))
+    return Surfaces(**vars(known), leaves=np.stack([pixels, leaves]))
