@@ -26,8 +26,6 @@ IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Mean and standard deviation of ImageNet's colours (0..1), by which most networks expect their pictures normalised."""
 STEPS = 60
 """Of either search of a shift."""
-WIDEST = 4
-"""Times the shorter side at which the longer one of a picture is shown at most: what a network takes grows with their product."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
@@ -71,8 +69,9 @@ class DepthContract(ColorContract):
         return list(dict.fromkeys(self.input_size(hw, side) for side in self.sides))
 
     def input_size(self, hw: tuple[int, int], side: int) -> tuple[int, int]:
-        """Height and width of a picture of that size whose shorter side is shown at `side`, and the longer one within WIDEST."""
-        factor = side / max(min(hw), max(hw) / WIDEST)
+        """Height and width of a picture of that size whose shorter side is shown at `side`, and the longer one at four times that
+        at most: what a network takes grows with their product."""
+        factor = side / max(min(hw), max(hw) / 4)
         height, width = (max(1, round(one * factor / self.multiple)) * self.multiple for one in hw)
         return height, width
 

@@ -34,8 +34,6 @@ OCCLUDER_REACH = 0.25
 sees the stripes of a barrel continues them into the hole next to it."""
 MIXED_PX = 3
 """Pixels round an occluder that may be mixed with its colour."""
-SEAM = 6
-"""Half the width, in pixels, up to which a plane in a wider hole is a seam along its occluder."""
 STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
@@ -181,9 +179,9 @@ def find_background(view: View, law: Law) -> BoolArray:
 
 
 def seams(label: NDArray[np.int8], hole: BoolArray) -> BoolArray:
-    """H x W, True where a plane fills a strip at most SEAM px wide in a wider hole: the rim of an occluder that the coarse grid
+    """H x W, True where a plane fills a strip at most 12 px wide in a wider hole: the rim of an occluder that the coarse grid
     drew too large. label, hole: H x W."""
-    kernel = square(2 * SEAM + 1)
+    kernel = square(13)
     out = np.zeros(hole.shape, np.bool_)
     for number in np.unique(label[hole & (label > 0)]):
         part = hole & (label == number)

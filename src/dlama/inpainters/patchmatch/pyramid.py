@@ -16,11 +16,6 @@ TEXTURE = 2.0
 """Weight of the two channels of texture next to the three of colour: without them grass turns to cloth (Newson et al. 2014)."""
 TEXTURE_PX = 5
 """Side of the square over which texture is averaged."""
-SMALLEST_SIDE = 40
-"""Pixels: the least side of a level is half of this."""
-DEEPEST = 8.0
-"""Depth in px of the hole on the coarsest level. If deeper, the guess has too much weight; if shallower, its structure is
-lost."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +62,13 @@ def shrink(
 def build_pyramid(picture: UInt8Array, hole: BoolArray, label: NDArray[np.integer]) -> list[Level]:
     """Levels from the picture itself to the coarsest, each half of the one before.
 
-    picture: H x W x 3 RGB, a guess in the hole (H x W). The last level is the first in which the hole is as narrow as DEEPEST,
-    or the last in which enough whole patches are known.
+    picture: H x W x 3 RGB, a guess in the hole (H x W). The last level is the first in which the hole is no deeper than 8 px, or
+    the last in which enough whole patches are known. In a deeper hole the guess has too much weight; in a shallower one its
+    structure is lost.
     """
     values = describe_pixels(picture, hole)
     levels = [Level(values, hole, whole_patches(hole), label.astype(np.int32))]
-    while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
+    while hole_depth(hole) > 8 and min(hole.shape) >= 40:
         values, hole, label = shrink(values, hole, label, 2)
         sources = whole_patches(hole)
         if sources.sum() < 50 or not hole.any():

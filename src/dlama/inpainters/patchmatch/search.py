@@ -14,8 +14,6 @@ from dlama.inpainters.patchmatch.pyramid import Level, dilate_by_patch
 
 NEAR = 16.0
 """Radius in px of the first random search in all rounds but the first."""
-CERTAIN = 1.3
-"""Base of the weight of a patch, which falls with each pixel that its centre lies deeper in the hole."""
 SOFT, WIDE = 4.0, 1e3
 """Sharpness of the vote by patch difference, and width of its Gaussian over patch centres (pixels)."""
 SHARP, NARROW = 8.0, 1.4
@@ -43,8 +41,8 @@ class Search:
         self.box = box_around(touched, 0)
         """Rows and columns that hold all targets."""
         depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
-        self.trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
-        """N weights of the targets' patches."""
+        self.trust = (1.3 ** -np.minimum(depth, 200)).astype(np.float32)
+        """N weights of the targets' patches, which fall with each pixel that their centres lie deeper in the hole."""
         self.guess = level.values[self.box][..., :3].copy()
         """Colours of the guess in the rows and columns of `box`, of the picture where it is known."""
         self.around = sum_over_patch(touched[self.box].view(np.uint8))[touched[self.box]]

@@ -18,8 +18,6 @@ from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 Floats = NDArray[np.float64]
 SIDE = 20
 """Samples across one part."""
-PARTS = (2, 3, 4, 6)
-"""Parts have the shorter side of the picture divided by these; each overlaps the next by half."""
 EXACT = 2e-4
 """Relative residuals below this are taken as this (rounding of 16 bits)."""
 FEWEST_PARTS = 8
@@ -131,8 +129,8 @@ def inverse_depths(v: Floats, ray: Floats) -> dict[str, tuple[Floats, Floats]]:
 
 def square_parts(values: NDArray[np.floating], camera: Camera) -> tuple[Floats, Floats, Floats]:
     """Samples of the parts with enough known ones, each T x N: depth (the part's median where it is not known), 1 where it is
-    known and 0 elsewhere, length of the ray with z = 1."""
-    rows, columns = (np.concatenate(each) for each in zip(*(_grid(values.shape, n) for n in PARTS)))
+    known and 0 elsewhere, length of the ray with z = 1. Sides of parts are 1/2 to 1/6 of the picture's shorter one."""
+    rows, columns = (np.concatenate(each) for each in zip(*(_grid(values.shape, n) for n in (2, 3, 4, 6))))
     sampled = values[rows, columns].astype(np.float64)
     known = (sampled > 0) & np.isfinite(sampled)
     enough = known.mean(1) > 0.8
@@ -146,7 +144,7 @@ def square_parts(values: NDArray[np.floating], camera: Camera) -> tuple[Floats, 
 
 
 def _grid(hw: tuple[int, ...], parts: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns (T x N) of the samples of all parts of one size."""
+    """Rows and columns (T x N) of the samples of all parts of one size; each overlaps the next by half."""
     side = min(hw) // parts
     if side < 2:
         return np.empty((0, SIDE * SIDE), np.intp), np.empty((0, SIDE * SIDE), np.intp)

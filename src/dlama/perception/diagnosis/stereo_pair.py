@@ -6,7 +6,7 @@ They may be swapped, mirrored, turned, identical, not rectified, of exchanged ch
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -22,10 +22,8 @@ ENOUGH = 20
 """Least number of matched corners for a decision."""
 ONE_SCENE = 60
 """Matched corners that no two scenes share by chance (at most 28 in 36 such pairs)."""
-SAME_ROW = 0.05
-"""Largest difference, over the height, of the vertical offset of a matched corner of the same scene from the median."""
 SHARED = 0.5
-"""Share of matched corners: fewer within SAME_ROW are chance."""
+"""Share of matched corners: fewer on common rows are chance."""
 MANY_UNMATCHED = 0.35
 """Share of the left picture, but for plain sky, without a match that is warned of: 3 to 20 % of usable pairs."""
 
@@ -34,8 +32,7 @@ DIFFERENT = "give the two different pictures of the pair"
 NONE = np.zeros((0, 2))
 
 
-@dataclass(frozen=True, eq=False)
-class Corners:
+class Corners(NamedTuple):
     """Corners found in both pictures of a pair."""
 
     found: int
@@ -259,7 +256,7 @@ def find_misorientation(corners: Corners) -> Finding | None:
 
 
 def on_common_rows(corners: Corners, height: int) -> BoolArray:
-    """N, True for corners whose vertical offset is about that of most (near 0 where too few matched to tell)."""
+    """N, True for corners whose vertical offset is, to a twentieth of the height, that of most (0 where too few matched)."""
     down = corners.offsets[:, 1]
     middle = float(np.median(down)) if len(down) >= ONE_SCENE else 0.0
-    return np.asarray(np.abs(down - middle) <= SAME_ROW * height, np.bool_)
+    return np.asarray(np.abs(down - middle) <= 0.05 * height, np.bool_)

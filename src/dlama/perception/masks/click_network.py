@@ -29,8 +29,6 @@ KNOWN = 0.2
 """Least share of known depth for a pixel of the planes to have one."""
 LOG_RANGE = (-2.0, 1.0)
 """Of inverse depth over the click's, logarithm; sky is at the lower end."""
-SLOPE, SLOPE_RANGE = 20.0, 2.0
-"""Scale and range of relative slopes of inverse depth."""
 CLICK_PX = 4
 """Standard deviation of the click in its plane, and the distance from it at which a region is the clicked one."""
 MIDDLE = slice(SIDE // 2 - CLICK_PX, SIDE // 2 + CLICK_PX + 1)
@@ -69,8 +67,8 @@ def click_planes(rgbd: RGBD, pixel: Pixel, radius: int, salient: Sequence[Float3
     out[:3] = (resized(rgbd.color[span]) / 127.5 - 1).transpose(2, 0, 1) * inside
     out[3:6] = np.where(known, logs, np.where(far > 0.5, LOG_RANGE[0], 0)), known, inside
     for number, (right, down) in ((6, (1, 0)), (7, (0, 1))):
-        slope = SLOPE * cv2.Sobel(w, cv2.CV_32F, right, down, ksize=3) / 8 / np.maximum(w, 1e-6)
-        out[number] = np.where(known, np.clip(slope, -SLOPE_RANGE, SLOPE_RANGE), 0)
+        slope = 20.0 * cv2.Sobel(w, cv2.CV_32F, right, down, ksize=3) / 8 / np.maximum(w, 1e-6)
+        out[number] = np.where(known, np.clip(slope, -2, 2), 0)
     apart = np.arange(SIDE, dtype=np.float32) - (SIDE - 1) / 2
     out[8] = np.exp(-(apart[:, None] ** 2 + apart**2) / (2 * CLICK_PX**2))
     out[9] = rgbd.estimate is not None

@@ -16,8 +16,6 @@ from dlama.perception.planes import plane_normal, plane_values
 
 EDGE_PX = 2
 """Pixels round the object that are mixes of it and its surroundings."""
-POINTS = 8000
-"""Most points of the object that are cast for each direction of light."""
 GAP_PX = 7
 """Noise of matched depth leaves gaps in the ground: narrower ones that are on no other plane belong to it."""
 SIDE = 320
@@ -141,12 +139,12 @@ def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
 
 
 def object_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """N x 3 points of the object in camera axes, and their heights over the surface in metres.
+    """N x 3 points of the object in camera axes, about 8000 at most, and their heights over the surface in metres.
 
     Estimated depth tilts objects towards the ground: there the object is a vertical plane at its ground contact.
     """
     rows, columns = np.nonzero(mask & rgbd.valid)
-    keep = slice(None, None, max(1, len(rows) // POINTS))
+    keep = slice(None, None, max(1, len(rows) // 8000))
     directions, depth = rays(rgbd.camera)[rows[keep], columns[keep]], rgbd.depth[rows[keep], columns[keep]]
     if rgbd.estimate is not None and len(rows):
         base = rays(rgbd.camera)[rows[-1], int(np.median(columns[rows > rows[-1] - 3]))]

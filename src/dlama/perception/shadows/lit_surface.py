@@ -19,12 +19,10 @@ from dlama.geometry.holes import box_around, box_mean, dilate_mask, larger_box, 
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.shadows.ground import EDGE_PX, Crop, StandingObject, light_offsets, surface_axes
 
-WINDOW_PX = 5
-"""Side in px of the window over which darkness is averaged."""
 DIRECTIONS = 64
 """Number of directions, each with the same share of the sky's light."""
-POINTS, LAYERS = 2000, 5
-"""Most points of the object in each of so many layers of its thickness."""
+LAYERS = 5
+"""Of the points of an object, in its thickness."""
 COARSE = 2
 """Pixels of the crop (`ground.SIDE`) in one of the map."""
 
@@ -34,7 +32,7 @@ class Darkness:
     """How dark a surface is."""
 
     dark: Float32Array
-    """H x W natural logarithm of lit over observed luma, averaged over windows; 0 off the surface."""
+    """H x W natural logarithm of lit over observed luma, averaged over 5 x 5 px; 0 off the surface."""
     ambient: Float32Array
     """H x W, its ambient-occlusion component; 0 or more."""
     share: float
@@ -51,8 +49,7 @@ def measure_darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion:
     if usable.sum() < 200:
         return None
     level, inside = log_luma(rgbd.color), (surface & ~dilate_mask(mask, EDGE_PX)).astype(np.float32)
-    window = WINDOW_PX, WINDOW_PX
-    smooth = np.where(cv2.blur(inside, window) > 0, box_mean(level, inside, WINDOW_PX), level)
+    smooth = np.where(cv2.blur(inside, (5, 5)) > 0, box_mean(level, inside, 5), level)
     hidden = sky_lost(occlusion)
     v, u = np.nonzero(usable)
     keep = slice(None, None, max(1, len(v) // 20000))
@@ -128,7 +125,7 @@ def thicken(caster: StandingObject) -> StandingObject:
     """The object with copies of its points behind the visible ones, along the surface, over half of its width."""
     if not len(caster.base):
         return caster
-    keep = slice(None, None, max(1, len(caster.base) // POINTS))
+    keep = slice(None, None, max(1, len(caster.base) // 2000))
     across, behind = surface_axes(caster.up)
     place = caster.base @ across
     width = float(np.quantile(place, 0.98) - np.quantile(place, 0.02))

@@ -24,9 +24,8 @@ SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.7
 """Tried lengths of a shadow over the object's height."""
 TURNS = 48
 """Number of tried directions over the surface."""
-BLUR_PX, STEEPEST = 1.2, 0.08
-"""Blur of the reduced picture, and the largest gradient (of the logarithm, per px) that counts, so that lines of a pattern weigh
-no more than borders."""
+STEEPEST = 0.08
+"""Largest gradient (of the logarithm, per px) that counts, so that lines of a pattern weigh no more than borders."""
 SMALLEST_PX = 25
 """Fewer points of an object, or pixels of a shadow, are ignored."""
 
@@ -74,7 +73,7 @@ def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray) -> tuple
 
 def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float64], float]:
     """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
-    smooth = gaussian_mean(log_luma(color), seen, BLUR_PX, 1e-3)
+    smooth = gaussian_mean(log_luma(color), seen, 1.2, 1e-3)
     inner = erode_square(seen, 3)
     out, squares = np.zeros(seen.shape), []
     for axis in (0, 1):

@@ -38,8 +38,6 @@ MOST_HIDDEN = 3.0
 """Largest cost of surfaces hidden by such a plane: log(1 + T / t)."""
 PAST = 2.0
 """Cost of a plane where its line looks past it, and where no line meets it."""
-LARGEST_GAP = 41
-"""Cells up to which the ends of a plane above and below are connected: no plane hangs in the air."""
 IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
 ENDING_COST = 1.0
@@ -218,8 +216,8 @@ def ending_cost(cells: CoarseCells, followed: BoolArray, beyond: Float32Array, j
 
 
 def has_ended(first: Float32Array, length: Float32Array, between: bool = True) -> BoolArray:
-    """h x w, True where a plane has ended: its line looks past it or, with `between`, the cell lies between such cells
-    (LARGEST_GAP) or a border.
+    """h x w, True where a plane has ended: its line looks past it or, with `between`, the cell lies between such cells, up to 41
+    cells apart, or a border: no plane hangs in the air.
 
     first, length: h x w, as of `seen_on_lines`, of one plane.
     """
@@ -227,7 +225,7 @@ def has_ended(first: Float32Array, length: Float32Array, between: bool = True) -
     if not between:
         return past
     above = np.cumsum(first > 0, axis=0) == 0
-    reach = LARGEST_GAP // STRIDE | 1
+    reach = 41 // STRIDE | 1
     closed = morphological_close(np.pad(past | above, ((reach, reach), (0, 0))), np.ones((reach, 1), np.uint8))
     return np.asarray(past | (closed[reach:-reach] & (length > 0)))
 

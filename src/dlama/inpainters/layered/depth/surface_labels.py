@@ -37,8 +37,6 @@ from dlama.perception.resampling import interpolate
 
 GRID = 256
 """Longer side of the coarse grid."""
-ROUNDS = 4
-"""Sweeps of belief propagation; more change less than 0.5 % of the labels."""
 POTTS = 0.1
 """Cost of a border between two surfaces that meet; one with a depth jump costs 1 more."""
 RIM = (0.05, 0.3, 1.0, 3.0)
@@ -49,8 +47,6 @@ AROUND = 31
 """Width, in cells, of a cell's surroundings."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
-CHORD = 25.0
-"""Geometric mean of a solid plane's mean visible runs along rows and columns, in cells, at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +58,8 @@ class CoarseView(CoarseCells):
     followed_from: float = FOLLOWED
     """Least share of the known cells of a plane that is followed along lines out of view."""
     solid: bool = False
-    """Whether followed planes also need chords of CHORD cells (geometric mean): with inexact depth edges slats end anywhere."""
+    """Whether followed planes also need visible runs of 25 cells along rows and columns (geometric mean of their means): with
+    inexact depth edges slats end anywhere."""
     removed: BoolArray | None = None
     """h x w, True in the part of the hole where an object was removed."""
 
@@ -82,7 +79,7 @@ class CoarseView(CoarseCells):
         distance = distances()
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = self.unary_costs(self.allowed(context), distance, penalty)
-        costs = surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, ROUNDS)
+        costs = surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, 4)  # more change 0.5 % of the labels
         costs[self.floating(costs.argmin(2) - 1), SKY + 1] = -1  # below any other
         return costs
 
@@ -168,7 +165,7 @@ class CoarseView(CoarseCells):
         out = np.asarray(self.plane_cells >= self.followed_from * (~self.hole).sum())
         for k in np.flatnonzero(out & self.solid):
             along, across = mean_chords(~self.hole & (self.label == k + 1))
-            out[k] = along * across >= CHORD**2
+            out[k] = along * across >= 25**2
         return out
 
     def distance_to_known(self, context: FillContext) -> Float32Array:
