@@ -72,12 +72,7 @@ def drop_plain_infinity(color: UInt8Array, disparity: Float32Array, depth: Float
     """
     doubtful, far = find_plain_sky(color, np.ones(depth.shape, np.bool_), depth), np.isposinf(depth)
     if far.any():
-        doubtful |= far & ~has_texture(color)
+        grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        steps = np.abs(cv2.Sobel(cv2.GaussianBlur(grey, (0, 0), 2), cv2.CV_32F, 1, 0, scale=1 / 8))
+        doubtful |= far & (cv2.blur(steps, (9, 9)) < 1)  # without texture: levels a pixel along the rows
     return np.where(doubtful, np.float32(0), disparity)
-
-
-def has_texture(color: UInt8Array) -> BoolArray:
-    """H x W, True where colours (H x W x 3) change along the rows: by a grey level a pixel, mean of 9 x 9, without noise."""
-    grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    steps = np.abs(cv2.Sobel(cv2.GaussianBlur(grey, (0, 0), 2), cv2.CV_32F, 1, 0, scale=1 / 8))
-    return np.asarray(cv2.blur(steps, (9, 9)) >= 1)

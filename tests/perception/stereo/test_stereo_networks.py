@@ -55,7 +55,7 @@ def test_the_contract_says_what_the_numbers_mean(tmp_path: Path) -> None:
         np.testing.assert_allclose(at_left[:, SHIFT:], SHIFT, rtol=1e-5)
         np.testing.assert_allclose(at_right[:, :-SHIFT], SHIFT, rtol=1e-5)
         assert not at_left[:, :SHIFT].any() and not at_right[:, -SHIFT:].any()
-        assert matcher.notes["model"] == "n.onnx"
+        assert matcher.file.notes["model"] == "n.onnx"
 
 
 def test_a_network_of_one_size(tmp_path: Path) -> None:

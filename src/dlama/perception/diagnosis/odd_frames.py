@@ -80,7 +80,8 @@ def neighbours(frames: Sequence[SmallFrame]) -> list[list[int]]:
 def check_scale(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
     """Reports a frame that fits two or more others clearly better with its depth multiplied by some factor."""
     factor = depth_factor(frame, others)
-    as_read, best = fits(frame, others), fits(rescale_depth(frame, factor), others)
+    rescaled = frame._replace(points=frame.points * factor, depth=frame.depth * np.float32(factor))
+    as_read, best = fits(frame, others), fits(rescaled, others)
     fit, lead = lower_median(best), lower_median(best / np.maximum(as_read, 0.01))
     if max(factor, 1 / factor) < 1.1 or fit < LEAST_FIT or lead < LEAST_LEAD:
         return None
@@ -122,11 +123,6 @@ def fits(frame: SmallFrame, others: Sequence[SmallFrame]) -> Float64Array:
 def lower_median(values: Float64Array) -> float:
     """The lower median: reached by more than half of the neighbours."""
     return float(np.sort(values)[(len(values) - 1) // 2])
-
-
-def rescale_depth(frame: SmallFrame, factor: float) -> SmallFrame:
-    """The frame with its depth multiplied."""
-    return frame._replace(points=frame.points * factor, depth=frame.depth * np.float32(factor))
 
 
 def depth_factor(frame: SmallFrame, others: Sequence[SmallFrame]) -> float:

@@ -139,10 +139,6 @@ def reorder_quaternion(pose: Float64Array, order: tuple[int, int, int, int]) -> 
     return make_pose(rotation_from_quaternion([read[place] for place in order]), pose[:3, 3])
 
 
-def _scale_translation(factor: float) -> Undo:
-    return lambda pose: make_pose(pose[:3, :3], pose[:3, 3] * factor)
-
-
 def _inverse_after(before: Float64Array, after: Float64Array) -> Undo:
     return lambda pose: invert_pose(pose @ before) @ after
 
@@ -167,7 +163,8 @@ CONVENTIONS: list[Convention] = [
     Convention("quaternion-order", "have quaternions in the order x y z w", "write them as w x y z",
                lambda p: reorder_quaternion(p, (3, 0, 1, 2))),
     *(Convention("pose-scale", f"move {max(factor, 1 / factor):g} times too {'little' if factor > 1 else 'far'} for the depth",
-                 f"multiply translations by {factor:g}, or divide depth by it", _scale_translation(factor))
+                 f"multiply translations by {factor:g}, or divide depth by it",
+                 lambda p, factor=factor: make_pose(p[:3, :3], p[:3, 3] * factor))  # type: ignore[misc]
       for factor in (0.001, 0.01, 0.1, 0.2, 5.0, 10.0, 100.0, 1000.0)),
 ]  # fmt: skip
 """The usual mistakes."""

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.rgbd import UInt8Array
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 
 Floats = NDArray[np.float32]
@@ -51,7 +51,9 @@ def check_mask_registration(seen: Observed) -> list[Finding]:
     """Reports a mask that is mirrored, turned or shifted against the picture."""
     if seen.mask is None:
         return []
-    return _compare_edges(seen, mask_edges(seen.mask), f"{seen.names[2]}: the mask", "mask", "draw it anew")
+    small = cv2.GaussianBlur(seen.mask.astype(np.float32), (0, 0), 0.8)
+    outline = [np.abs(cv2.Sobel(small, cv2.CV_32F, *by)) for by in ((1, 0), (0, 1))]
+    return _compare_edges(seen, outline, f"{seen.names[2]}: the mask", "mask", "draw it anew")
 
 
 def correlate_edges(color: UInt8Array, depth: NDArray[np.floating]) -> float:
@@ -123,12 +125,6 @@ def depth_edges(depth: NDArray[np.floating]) -> list[Floats]:
         # a relative bend of .06 between neighbours is an edge
         found.append(np.where(there, np.clip(bend / 0.06 - 0.5, 0, 1), 0).astype(np.float32))
     return found
-
-
-def mask_edges(mask: BoolArray) -> list[Floats]:
-    """Two H x W: the outline of a mask along rows and columns."""
-    small = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 0.8)
-    return [np.abs(cv2.Sobel(small, cv2.CV_32F, *by)) for by in ((1, 0), (0, 1))]
 
 
 def _step(depth: NDArray[np.floating]) -> int:

@@ -97,8 +97,8 @@ class PhotoMasker:
         mask, inside = total > len(windows) / 2, np.zeros(hw, np.bool_)
         if not mask[box].any():
             return None
-        inside[box] = refine_border(self.rgbd, mask, (longest,))[box]
-        return inside if fill_enclosed(box, inside) >= 0.75 else None
+        part = inside[box] = refine_border(self.rgbd, mask, (longest,))[box]
+        return inside if math.prod(sides_of(box_around(part, 0))) >= 0.75 * part.size else None
 
     def readings(self, pixel: Pixel) -> list[Reading]:
         """Possible objects under a click at (row, column); empty without a salient region there."""
@@ -151,12 +151,6 @@ def rim_share(mask: BoolArray, window: tuple[slice, slice]) -> float:
         (columns.stop < mask.shape[1], part[:, -1]),
     )
     return sum(int(line.sum()) for inner, line in sides if inner) / max(part.shape)
-
-
-def fill_enclosed(box: Window, mask: BoolArray) -> float:
-    """Intersection over union of a box (rows, columns) and the box round a mask (H x W) within it."""
-    part = mask[box]
-    return math.prod(sides_of(box_around(part, 0))) / part.size if part.any() else 0.0
 
 
 def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> BoolArray:
