@@ -21,6 +21,8 @@ Network = Callable[[Float32Array, BoolArray], Float32Array]
 Box = tuple[int, int, int, int]
 """top, bottom, left, right; the ends are not part of it."""
 
+CONTEXT = 48
+"""Least context in pixels on each side of a group of holes."""
 CELL = 16
 """Pixels: holes are grouped on a grid of such cells; neighbouring cells are one group."""
 OVERLAP = 128
@@ -124,10 +126,10 @@ def boxes_with_context(hole: BoolArray, number: np.ndarray, count: int, layout: 
 
 
 def add_context(box: Box, hw: tuple[int, ...], layout: Layout) -> Box:
-    """A box with context on each side, .4 of the side of a square as large and 48 px at least, inside the picture, of a size the
-    network takes where there is room."""
+    """A box with context on each side, .4 of the side of a square as large or CONTEXT, inside the picture, of a size the network
+    takes where there is room."""
     top, bottom, left, right = box
-    by = max(48, round(0.4 * ((bottom - top) * (right - left)) ** 0.5))
+    by = max(CONTEXT, round(0.4 * ((bottom - top) * (right - left)) ** 0.5))
     square = 0 if layout.side is None else max(bottom - top, right - left) + 2 * by
     ends: list[int] = []
     for start, end, size in ((top - by, bottom + by, hw[0]), (left - by, right + by, hw[1])):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.projection import ray_lengths
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 
 Floats = NDArray[np.float64]
@@ -138,9 +139,7 @@ def square_parts(values: NDArray[np.floating], camera: Camera) -> tuple[Floats, 
     found = np.where(there, sampled[enough], np.nan)
     if len(found):
         found = np.where(there, found, np.nanmedian(found, axis=1, keepdims=True))
-    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    return found, there.astype(np.float64), np.sqrt(1 + x[columns] ** 2 + y[rows] ** 2)
+    return found, there.astype(np.float64), ray_lengths(camera)[rows, columns].astype(np.float64)
 
 
 def _grid(hw: tuple[int, ...], parts: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
