@@ -82,9 +82,8 @@ def read_camera_fields(path: PathLike) -> FileFields:
         return FileFields(path, {"K": K, "pixel_center": 0.0, **view})
     if "dlama" in fields:  # a meta.json: the camera of image.png, of estimated depth, or of a 3-D photo's picture
         own = fields.values.get("camera", fields.values.get("source_camera"))
-        fields = fields.part(
-            "camera", fields.entries("cameras", "cameras")[-1] if fields.values.get("cameras") else own
-        )
+        listed = fields.entries("cameras", "cameras") if fields.values.get("cameras") else [own]
+        fields = fields.part("camera", listed[-1])
     intrinsics_in(fields)  # what is missing is an error, before a field that is misspelt is warned of
     fields.warn_of_unknown(CAMERA_FIELDS)
     return fields
@@ -218,10 +217,9 @@ def make_camera(
     Raises CameraError; warns of a principal point outside the picture (crops have it), and of K for another size or unit.
     """
     fx, fy, cx, cy = intrinsics
+    K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
     try:
-        camera = Camera.from_K(
-            [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], hw[1], hw[0], pixel_center, world_from_cam
-        )
+        camera = Camera.from_K(K, hw[1], hw[0], pixel_center, world_from_cam)
     except CameraError as error:
         raise CameraError(f"{source}: {error.marked if source == OPTIONS else error}") from error
     if not (0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height):

@@ -86,9 +86,8 @@ def read_rgbd(
     of_file = {**values, "resize_depth": resize_depth, "radial_depth": radial_depth or None}
     options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
     if depth is None:
-        _refuse(
-            of_file | {"inverse_depth": inverse_depth or None}, "is given without a depth file; it says how one is read"
-        )
+        why = "is given without a depth file; it says how one is read"
+        _refuse(of_file | {"inverse_depth": inverse_depth or None}, why)
         own = None
         try:
             own = read_photo_depth(image) if depth_model is None else None

@@ -55,16 +55,12 @@ def locate(name: str) -> Path:
     """
     model = record(name)
     path = target_path(model)
+    pull = f"`dlama models pull {name}`. {describe_manual_install(model)}"
     if not path.is_file():
-        raise FileError(
-            f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {describe_manual_install(model)}"
-        )
-    size, _ = known_size_and_sha256(model)
-    if size is not None and path.stat().st_size != size:
-        raise FileError(
-            f"{path}: {path.stat().st_size} bytes, the model {name} has {size}; "
-            f"replace it with `dlama models pull {name}`. {describe_manual_install(model)}"
-        )
+        raise FileError(f"{path}: the model {name} is not there; get it with {pull}")
+    size, held = known_size_and_sha256(model)[0], path.stat().st_size
+    if size is not None and held != size:
+        raise FileError(f"{path}: {held} bytes, the model {name} has {size}; replace it with {pull}")
     return path
 
 

@@ -173,9 +173,8 @@ def _can_be_renamed(target: Path) -> bool:
         here = Path.cwd()
         if here == target or target in here.parents:
             return False
-    return (
-        os.access(target.parent, os.W_OK | os.X_OK) and os.access(target, os.W_OK | os.X_OK) and not target.is_mount()
-    )
+    is_open = all(os.access(folder, os.W_OK | os.X_OK) for folder in (target.parent, target))
+    return is_open and not target.is_mount()
 
 
 def _place(draft: Path, target: Path) -> None:

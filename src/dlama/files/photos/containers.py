@@ -75,9 +75,8 @@ def list_further_pictures(data: bytes) -> list[tuple[int, bytes]]:
     entries = tags.get(0xB002, b"")  # MP Entry
     entry = struct.Struct(order + "IIIHH")  # attribute, size, offset, two numbers of dependent pictures
     listed = entry.iter_unpack(entries[: len(entries) // entry.size * entry.size])
-    return [
-        (kind & 0xFFFFFF, data[base + offset : base + offset + size]) for kind, size, offset, *_ in listed if offset
-    ]
+    places = [(kind & 0xFFFFFF, base + offset, size) for kind, size, offset, *_ in listed if offset]
+    return [(kind, data[at : at + size]) for kind, at, size in places]
 
 
 def find_baseline(data: bytes) -> float | None:

@@ -27,14 +27,9 @@ def to_srgb(picture: Image.Image, profile: bytes | None, path: PathLike) -> Imag
         space = source.profile.xcolor_space.strip()
         if MODES.get(space) != picture.mode:
             raise ValueError(f"it is for {space} and the picture is {picture.mode}")
-        transform = ImageCms.buildTransform(
-            source,
-            ImageCms.createProfile("sRGB"),
-            picture.mode,
-            "RGB",
-            ImageCms.Intent.RELATIVE_COLORIMETRIC,
-            ImageCms.Flags.BLACKPOINTCOMPENSATION,
-        )
+        srgb = ImageCms.createProfile("sRGB")
+        how = ImageCms.Intent.RELATIVE_COLORIMETRIC, ImageCms.Flags.BLACKPOINTCOMPENSATION
+        transform = ImageCms.buildTransform(source, srgb, picture.mode, "RGB", *how)
         if picture.mode != "CMYK" and _changes(transform, picture.mode) <= 3:
             return picture  # sRGB, as most are; its profiles differ by as many levels
         converted = ImageCms.applyTransform(picture, transform)

@@ -262,9 +262,8 @@ def _scale_advice(median: float, scale: float, depth_range: float | None) -> str
         return f"which no room or street has; is `depth_range={depth_range:g}` in metres?"
     if PLAUSIBLE_M[0] <= median / 1000 <= PLAUSIBLE_M[1]:
         centimetres = PLAUSIBLE_M[0] <= median / 100 <= PLAUSIBLE_M[1]
-        return f"it looks like millimetres read as metres: `depth_scale={scale * 1000:g}`" + (
-            f", or centimetres: `depth_scale={scale * 100:g}`" * centimetres
-        )
+        millimetres = f"it looks like millimetres read as metres: `depth_scale={scale * 1000:g}`"
+        return millimetres + f", or centimetres: `depth_scale={scale * 100:g}`" * centimetres
     if PLAUSIBLE_M[0] <= median * 1000 <= PLAUSIBLE_M[1]:
         return f"it looks like metres read as millimetres: `depth_scale={scale / 1000:g}`"
     return f"{PLAUSIBLE_M[0]:g} to {PLAUSIBLE_M[1]:g} m is expected; `depth_scale` says how many units make a metre"

@@ -102,9 +102,8 @@ def _in_display_window(file: Path, header: Mapping[str, Any], values: np.ndarray
     if rows.start >= rows.stop or columns.start >= columns.stop:
         raise FileError(f"{file}: its data window lies outside its display window ({shown}): nothing of it is shown")
     out = np.zeros((y_end + 1 - y, x_end + 1 - x), values.dtype)
-    out[rows.start - y : rows.stop - y, columns.start - x : columns.stop - x] = values[
-        rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
-    ]
+    shown_values = values[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+    out[rows.start - y : rows.stop - y, columns.start - x : columns.stop - x] = shown_values
     cut = (rows.stop - rows.start) * (columns.stop - columns.start) / out.size
     if cut < 1:
         warn(f"{file}: was rendered in {cut:.0%} of its display window ({shown}); the rest counts as missing")

@@ -89,9 +89,8 @@ def existing_file(path: PathLike) -> Path:
         why = f"; {NO_HOME}" if begins_at_home(path) else why
         raise FileError(f"{printable_name(path)}: no such file{why}") from None
     except (OSError, ValueError) as error:  # closed, in a closed folder or a circle of links, too long, with NUL
-        raise FileError(
-            f"{printable_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})"
-        ) from error
+        why = getattr(error, "strerror", "") or str(error)
+        raise FileError(f"{printable_name(path)}: cannot be read ({why})") from error
     _check_ordinary(file, found)
     return file
 
@@ -132,9 +131,7 @@ def read_stored(path: PathLike) -> StoredPicture:
     Raises FileError: missing, damaged, too large or of another kind. MissingExtraError: HEIC, and pillow-heif is not installed.
     """
     file = existing_file(path)
-    with any_error(
-        FileError, f"{file}: is damaged or truncated"
-    ):  # decoders raise OSError, SyntaxError, struct.error, ...
+    with any_error(FileError, f"{file}: is damaged or truncated"):  # OSError, SyntaxError, struct.error, ...
         data, tiff_orientation = reset_orientation(file.read_bytes())
         with _open(file, data) as picture:
             if picture.format in SEVERAL and getattr(picture, "n_frames", 1) > 1:

@@ -171,7 +171,6 @@ def _class_mask(path: PathLike, mask_class: str) -> BoolArray:
     if not mask.any():
         found = np.unique(picture.reshape(-1, 3), axis=0)
         shown = " ".join(",".join(map(str, color)) for color in found[:8]) + (" ..." if len(found) > 8 else "")
-        raise EmptyMaskError(
-            f"{path}: no pixel shows class {mask_class} ({class_rgb[0]},{class_rgb[1]},{class_rgb[2]}); found: {shown}"
-        )
+        rgb = ",".join(map(str, class_rgb))
+        raise EmptyMaskError(f"{path}: no pixel shows class {mask_class} ({rgb}); found: {shown}")
     return mask

@@ -98,9 +98,8 @@ def write(
         mask = check_mask(mask, completion.source.camera.hw)
     target, started, inputs = Path(directory), time.perf_counter(), inputs or {}
     files = file_names(completion, names)
-    if absent := ", ".join(
-        name for name in choose_names(only, (), tuple(RESULTS), ()) if RESULTS[name][0] not in files
-    ):
+    asked = choose_names(only, (), tuple(RESULTS), ())
+    if absent := ", ".join(name for name in asked if RESULTS[name][0] not in files):
         raise InputError(
             f"{absent} is to be written, which the completion lacks; disparity is of stereo pairs, pictures are of views"
         )
@@ -168,9 +167,7 @@ def choose_names(
 
     InputError: unknown ones.
     """
-    chosen, more = (
-        () if names is None else tuple(names.split(",") if isinstance(names, str) else names) for names in (only, also)
-    )
+    chosen, more = (tuple(names.split(",") if isinstance(names, str) else names or ()) for names in (only, also))
     for option, names in (("only", chosen), ("also", more)):
         unknown = [repr(name) for name in names if name not in known]
         if unknown:

@@ -77,9 +77,8 @@ def _encode_video(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int
                 stated.color_primaries, stated.color_trc, stated.colorspace = BT_709, SRGB, BT_709
                 stated.color_range = LIMITED
             frame = av.VideoFrame.from_ndarray(even, format="rgb24")
-            container.mux(
-                stream.encode(frame.reformat(format="yuv420p", dst_colorspace=BT_709, dst_color_range=LIMITED))
-            )
+            frame = frame.reformat(format="yuv420p", dst_colorspace=BT_709, dst_color_range=LIMITED)
+            container.mux(stream.encode(frame))
             count += 1
         if stream is not None:
             container.mux(stream.encode(None))

@@ -30,9 +30,8 @@ def write_ply(path: PathLike, cloud: PointCloud) -> None:
     for i, (axis, name) in enumerate(zip("xyz", COLORS)):
         vertex[axis], vertex[name] = cloud.points[:, i], cloud.color[:, i]
     vertex["origin"], vertex["confidence"] = cloud.origin, cloud.confidence
-    words = [
-        "dlama: metres, x right, y down, z forward; origin " + ", ".join(f"{o.value} {o.name.lower()}" for o in Origin)
-    ]
+    codes = ", ".join(f"{one.value} {one.name.lower()}" for one in Origin)
+    words = [f"dlama: metres, x right, y down, z forward; origin {codes}"]
     with new_file(path) as draft:
         PlyData([PlyElement.describe(vertex, "vertex")], byte_order="<", comments=words).write(str(draft))
 

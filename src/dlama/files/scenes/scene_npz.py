@@ -116,12 +116,9 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
         with zipfile.ZipFile(file) as archive:
             total = _check_claims(archive, file)
             held = None if cache is None and total <= CACHE_BYTES else (cache or PixelCache())
+            prefixes = [_prefixes(name, archive) for name in ("layer", "object")]
             layers, objects = (
-                [
-                    _layer(archive, prefix, partial(read_layer, file, prefix, stamp), held)
-                    for prefix in _prefixes(name, archive)
-                ]
-                for name in ("layer", "object")
+                [_layer(archive, one, partial(read_layer, file, one, stamp), held) for one in each] for each in prefixes
             )
             whole = _arrays_of(archive, "")
             check_schema(whole.get("schema"))
@@ -226,9 +223,8 @@ def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
         color = sum_rows(color)
         arrays = {**arrays, f"{prefix}depth": depth_of_differences(stored)}
     camera = Camera.from_K(K, color.shape[1], color.shape[0], world_from_cam=arrays[f"{prefix}world_from_cam"])
-    depth, hole, types, origin, confidence = (
-        arrays[prefix + name] for name in ("depth", "hole", "hole_type", "origin", "confidence")
-    )
+    names = ("depth", "hole", "hole_type", "origin", "confidence")
+    depth, hole, types, origin, confidence = (arrays[prefix + name] for name in names)
     planes = [arrays[prefix + name] for name in ERRORS if prefix + name in arrays]
     errors = np.stack(planes, -1) if len(planes) == len(ERRORS) else None
     frame, step = arrays.get(f"{prefix}frame"), arrays.get(f"{prefix}noise_step")

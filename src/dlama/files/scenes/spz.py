@@ -35,16 +35,9 @@ def write_spz(path: PathLike, rows: np.ndarray) -> None:
     scales = (take("scale_0", "scale_1", "scale_2") + 10) * 16
     turned = take("rot_1", "rot_2", "rot_3", "rot_0") * (*GLTF_FROM_OPENCV, 1)
     header = struct.pack("<4sIIBBBB", b"NGSP", 3, len(rows), 0, bits, 0, 0)
-    body = b"".join(
-        part.tobytes()
-        for part in (
-            fixed.view(np.uint8).reshape(-1, 4)[:, :3],
-            levels(opacity),
-            levels(color),
-            levels(scales),
-            pack(turned),
-        )
-    )
+    three_bytes = fixed.view(np.uint8).reshape(-1, 4)[:, :3]
+    parts = (three_bytes, levels(opacity), levels(color), levels(scales), pack(turned))
+    body = b"".join(part.tobytes() for part in parts)
     write_file(path, gzip.compress(header + body, mtime=0))
 
 

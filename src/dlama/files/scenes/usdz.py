@@ -77,9 +77,8 @@ def add_mesh(stage: Any, name: str, part: MeshPart, middle: Float64Array, file: 
     shape.CreateDoubleSidedAttr(True)
     size = np.array([picture.shape[1], picture.shape[0]])
     uv = part.pixels / size * (1, -1) + (0, 1)  # v runs up
-    primvar = geometry.PrimvarsAPI(shape).CreatePrimvar(
-        "st", sdf.ValueTypeNames.TexCoord2fArray, geometry.Tokens.vertex
-    )
+    kind = sdf.ValueTypeNames.TexCoord2fArray
+    primvar = geometry.PrimvarsAPI(shape).CreatePrimvar("st", kind, geometry.Tokens.vertex)
     primvar.Set(types.Vec2fArray.FromNumpy(np.ascontiguousarray(uv.astype(np.float32))))
     material = add_material(stage, f"{ROOT}/{name}_material", file, alpha=part.soft)
     binding = usd_module("UsdShade").MaterialBindingAPI.Apply(shape.GetPrim())
@@ -95,14 +94,9 @@ def add_material(stage: Any, path: str, file: str, alpha: bool) -> Any:
         made.CreateIdAttr(kind)
         return made
 
-    reader, texture, surface = (
-        shader(name, kind)
-        for name, kind in (
-            ("st", "UsdPrimvarReader_float2"),
-            ("picture", "UsdUVTexture"),
-            ("surface", "UsdPreviewSurface"),
-        )
-    )
+    reader = shader("st", "UsdPrimvarReader_float2")
+    texture = shader("picture", "UsdUVTexture")
+    surface = shader("surface", "UsdPreviewSurface")
     reader.CreateInput("varname", types.String).Set("st")
     where = reader.CreateOutput("result", types.Float2)
     texture.CreateInput("file", types.Asset).Set(f"./{file}")
