@@ -223,15 +223,14 @@ def list_frames(folder: Path) -> Listed:
         LOG.warning("%s: model %s is read and %s not, whose poses are of other worlds", model.parent, model.name, left)
     fitted = read_json_fields(model / FITTED) if (model / FITTED).is_file() else None
     for image in read_model(model):
-        name = Path(image.name).with_suffix("").as_posix().replace("/", "_")
-        depth = depth_of(folder, image)
+        stem = Path(image.name).with_suffix("").as_posix()
+        name, depth = stem.replace("/", "_"), depth_of(folder, image)
         if depth is None:
             yield name, f"without depth/NAME.png (millimetres) or {DENSE}/NAME{DENSE_KINDS[0]}"
             continue
         units, color = 1000.0 if depth.suffix == ".png" else 1.0, folder / "images" / image.name
         files = files_of(color, depth, image.lens, image.world_from_cam, units, has_far=True)
         if fitted is not None and depth.suffix == ".png":
-            stem = str(Path(image.name).with_suffix(""))
             fit = fitted.part(stem, fitted.values.get(stem, {"scale": 0, "offset": 0}))
             scale, offset = fit.number("scale"), fit.number("offset")
             if scale <= 0:

@@ -14,8 +14,8 @@ PANEL, BOX, BALL, TUBE = 0, 1, 2, 3
 radius above."""
 WRAP, MIRROR, FIT = 0, 1, 2
 """Texture modes: TILE metres a repeat, the same mirrored (photos do not tile), or TILE repeats over the face."""
-TO_LIGHT, SUN, AMBIENT_SKY, AMBIENT_GROUND, HORIZON, ZENITH, CLOUD, COVER, HAZE, SHADOWS, GRID_X, GRID_Y, GRID, LIGHTS = (
-    0, 3, 6, 9, 12, 15, 18, 21, 26, 27, 28, 31, 34, 38,
+TO_LIGHT, SUN, AMBIENT_SKY, AMBIENT_GROUND, HORIZON, ZENITH, CLOUD, COVER, HAZE, SHADOWS, GRID_X, GRID_Y, GRID = (
+    0, 3, 6, 9, 12, 15, 18, 21, 26, 27, 28, 31, 34,
 )  # fmt: skip
 """The light's numbers; COVER: cloud cover, softness, scale, offset u, v; GRID: first x, first y, cells per metre, cells a
 side of the grid across the light, which lists what may stand in its way."""
