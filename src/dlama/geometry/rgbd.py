@@ -210,18 +210,11 @@ def freeze(array: np.ndarray) -> np.ndarray:
 
 
 def select(array: np.ndarray, where: BoolArray) -> np.ndarray:
-    """The values (H x W or H x W x C) in the pixels of `where` (H x W bool), 0 in all others; read-only and unshared.
-
-    Only the box round `where` is written: the system gives no memory to the rest of a large array of zeros.
-    """
+    """The values (H x W or H x W x C) in the pixels of `where` (H x W bool), 0 in all others; read-only and unshared."""
     if array.dtype == np.bool_:
         return freeze(array & where)
     out = np.zeros(array.shape, array.dtype)
-    rows = np.flatnonzero(where.any(1))
-    if rows.size:
-        columns = np.flatnonzero(where.any(0))
-        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-        paste(array[box], where[box], out[box])
+    paste(array, where, out)
     return freeze(out)
 
 
