@@ -46,12 +46,6 @@ if vars(config)["DISABLE_JIT"]:
         stacklevel=1,
     )
 
-KEPT = 2**23 - 2**13
-"""Bytes of an array that is made and freed here, but never written. Once glibc has freed one of 8 MB it keeps such arrays, 16 MB
-in all, for the next ones, as after any larger picture. Before, all go back to the system, and taking pages from there again is a
-third of the time of a surface of 512x512. (Other allocators do not mind; with 32 MB a large photo needs 3 % more memory.)"""
-np.empty(KEPT, np.uint8)
-
 LOG = logging.getLogger("dlama.kernels")
 """Says, once a process, that kernels are being compiled (at level INFO; the command line shows it)."""
 COMPILING = "compiling kernels that no earlier command needed, which takes about 10 seconds; later runs find them ready"
