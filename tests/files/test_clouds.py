@@ -16,12 +16,8 @@ from dlama.geometry.cloud import PointCloud
 
 def cloud_of(points: np.ndarray) -> PointCloud:
     rng, count = np.random.default_rng(1), len(points)
-    return PointCloud(
-        np.asarray(points, np.float64).reshape(-1, 3),
-        rng.integers(0, 256, (count, 3)).astype(np.uint8),
-        rng.integers(0, 5, count).astype(np.uint8),
-        rng.random(count).astype(np.float32),
-    )
+    color, origin = rng.integers(0, 256, (count, 3), np.uint8), rng.integers(0, 5, count, np.uint8)
+    return PointCloud(points.astype(np.float64), color, origin, rng.random(count, np.float32))
 
 
 def assert_same(a: PointCloud, b: PointCloud) -> None:

@@ -15,9 +15,8 @@ def test_every_panel_is_on_the_sheet(tmp_path: Path) -> None:
     """Oracle: each panel of one colour, 100 x 80 drawn in blocks of 4, shows exactly 400 x 320 pixels of it."""
     shades = [(250, 10 * i, 3) for i in range(5)]
     panels = [(f"panel {i}", np.full((80, 100, 3), shade, np.uint8)) for i, shade in enumerate(shades)]
-    write_contact_sheet(
-        tmp_path / "p.png", "A title " * 30, panels, legend=[(f"entry {i}", (1, 2, 250)) for i in range(40)]
-    )
+    legend = [(f"entry {i}", (1, 2, 250)) for i in range(40)]
+    write_contact_sheet(tmp_path / "p.png", "A title " * 30, panels, legend)
     sheet = np.array(Image.open(tmp_path / "p.png"))
     assert sheet.ndim == 3 and sheet.shape[1] < 1400
     for shade in shades:

@@ -215,10 +215,7 @@ def flat(value: float, kind: type = np.float32) -> np.ndarray:
     [
         (flat(0), r"no pixel has a depth \(12 of 12 missing, 0 far"),
         (flat(np.inf), r"no pixel has a depth \(0 of 12 missing, 12 far"),
-        (
-            flat(5e9),
-            r"every depth lies beyond 1e\+06 m with depth_scale=1 \(the nearest at 5e\+09 m\); is it the number",
-        ),
+        (flat(5e9), r"every depth lies beyond 1e\+06 m with depth_scale=1 \(the nearest at 5e\+09 m\); is it"),
         (np.array([[1, -2, -0.5]], np.float32), r"2 of 3 depth values are negative \(smallest -2\)"),
         (flat(-np.inf), r"no pixel has a depth \(12 of 12 missing, 0 far"),
         (np.array([[5, -2]], np.int16), "negative"),

@@ -41,10 +41,8 @@ def write(path: Path, *parts: OpenEXR.Part) -> Path:
 def test_a_cropped_render_lies_where_it_was_rendered(tmp_path: Path, offset: tuple[int, int], compression: str) -> None:
     """Oracle: a slice of the whole picture; all that was not rendered is missing, and a warning says how much was."""
     x, y = offset
-    render = part(
-        (x + 3, y + 2, x + 10, y + 6), (x, y, x + 11, y + 8), {"Z": WHOLE[2:7, 3:11].copy()},
-        compression=getattr(OpenEXR, compression),
-    )  # fmt: skip
+    data, display, how = (x + 3, y + 2, x + 10, y + 6), (x, y, x + 11, y + 8), getattr(OpenEXR, compression)
+    render = part(data, display, {"Z": WHOLE[2:7, 3:11].copy()}, compression=how)
     expected = np.zeros_like(WHOLE)
     expected[2:7, 3:11] = WHOLE[2:7, 3:11]
     with pytest.warns(UserWarning, match=r"d\.exr: was rendered in 37% of its display window .* counts as missing"):
@@ -81,9 +79,8 @@ def test_nothing_shown_and_too_large_a_display_are_refused(tmp_path: Path) -> No
 
 def test_parts_with_the_same_channel_are_asked_for(tmp_path: Path) -> None:
     """Two eyes in one file: the first part's depth was taken without a word."""
-    eyes = [
-        part((0, 0, 11, 8), (0, 0, 11, 8), {"Z": WHOLE + n, "A": WHOLE}, eye) for n, eye in enumerate(("left", "right"))
-    ]
+    whole = (0, 0, 11, 8)
+    eyes = [part(whole, whole, {"Z": WHOLE + n, "A": WHOLE}, eye) for n, eye in enumerate(("left", "right"))]
     path = write(tmp_path / "eyes.exr", *eyes)
     with pytest.raises(FileError, match=r"depth may be any of left\.Z, right\.Z; choose one with channel"):
         read_depth(path)
@@ -104,9 +101,8 @@ def test_a_cropped_depth_goes_with_a_whole_picture(tmp_path: Path) -> None:
     """Oracle: the frame's depth in millimetres; a file without any depth in its window still says so."""
     whole = pixels(small_frame(tmp_path) / "depth.png").astype(np.float32) / 1000
     height, width = whole.shape
-    write(
-        tmp_path / "d.exr", part((0, 8, width - 1, height - 1), (0, 0, width - 1, height - 1), {"Z": whole[8:].copy()})
-    )
+    right, bottom = width - 1, height - 1
+    write(tmp_path / "d.exr", part((0, 8, right, bottom), (0, 0, right, bottom), {"Z": whole[8:].copy()}))
     with pytest.warns(UserWarning, match="83%"):
         rgbd = read_rgbd(tmp_path / "image.png", tmp_path / "d.exr", fov=60)
     assert rgbd.missing[:8].all() and np.array_equal(rgbd.depth[8:], whole[8:])
@@ -117,9 +113,8 @@ def test_a_cropped_depth_goes_with_a_whole_picture(tmp_path: Path) -> None:
 
 def test_lossy_colours_are_no_depth_and_a_lossy_z_is_exact(tmp_path: Path) -> None:
     """Oracle: OpenEXR, whose DWA codes R, G and B with loss (missing depth becomes +-1e-5) and Z without; half floats."""
-    depth = np.where(np.random.default_rng(0).random((64, 96)) < 0.1, 0, 1 / np.linspace(0.5, 0.025, 96)).astype(
-        np.float16
-    )
+    missing = np.random.default_rng(0).random((64, 96)) < 0.1
+    depth = np.where(missing, 0, 1 / np.linspace(0.5, 0.025, 96)).astype(np.float16)
     header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.DWAA_COMPRESSION}
     OpenEXR.File(header, {"Z": depth}).write(str(tmp_path / "z.exr"))
     assert np.array_equal(read_depth(tmp_path / "z.exr"), depth)

@@ -54,9 +54,8 @@ def write(path: Path, values: np.ndarray, orientation: int) -> Path:
     exif[0x0112] = orientation
     chunk = b"eXIf" + exif.tobytes().removeprefix(b"Exif\0\0")
     head = 33  # signature and IHDR
-    path.write_bytes(
-        data[:head] + struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[head:]
-    )
+    size, checksum = struct.pack(">I", len(chunk) - 4), struct.pack(">I", zlib.crc32(chunk))
+    path.write_bytes(data[:head] + size + chunk + checksum + data[head:])
     return path
 
 
@@ -144,9 +143,8 @@ def test_a_mask_turned_otherwise_than_its_picture_is_warned_of(tmp_path: Path, t
         JobInputs().read_mask_file({"mask": mask, "image": image}, "mask", "image")
     JobInputs().read_mask_file({"mask": mask, "image": mask}, "mask", "image")
     if turned == 2:
-        assert any(
-            name in found.what for found in dlama.diagnose(image, depth, mask, fov=60) if found.check == "orientation"
-        )
+        findings = dlama.diagnose(image, depth, mask, fov=60)
+        assert any(name in found.what for found in findings if found.check == "orientation")
 
 
 def test_a_camera_of_the_stored_size_is_refused(tmp_path: Path) -> None:

@@ -72,9 +72,8 @@ def test_soft_borders_that_are_most_of_the_file_are_shrunk(photo: Photo3D) -> No
     noisy = soft._replace(picture=np.dstack([noise] * 4), pixels=fitted)
     expected = b"".join(textured_glb([opaque, shrink_picture(noisy, 2)], 60))
     assert glb_within([opaque, noisy], len(expected)) == expected
-    red = noisy._replace(
-        picture=np.dstack([np.full_like(noise, 255), noise * 0, noise * 0, (noise > 128) * np.uint8(255)])
-    )
+    planes = [np.full_like(noise, 255), noise * 0, noise * 0, (noise > 128) * np.uint8(255)]
+    red = noisy._replace(picture=np.dstack(planes))
     smaller = shrink_picture(red, 4)
     assert smaller.picture.shape == (75, 100, 4) and np.allclose(smaller.pixels * 4, red.pixels)
     assert (smaller.picture[smaller.picture[..., 3] > 0][:, :3] == (255, 0, 0)).all()
@@ -99,9 +98,8 @@ def test_splats_lie_where_the_points_do(folder: Path, photo: Photo3D) -> None:
     wall = (np.abs(at[:, 2] - 4) < 1e-3) & near
     step = 4 / CAMERA.fx
     assert np.allclose(np.exp(vertex["scale_0"][source][wall]), SIZE * step, rtol=0.05)
-    assert np.allclose(
-        np.abs(np.stack([vertex["nx"], vertex["ny"], vertex["nz"]], 1)[source][wall]), (0, 0, 1), atol=1e-3
-    )
+    normals = np.stack([vertex[f"n{axis}"] for axis in "xyz"], 1)[source][wall]
+    assert np.allclose(np.abs(normals), (0, 0, 1), atol=1e-3)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.9])
@@ -109,9 +107,8 @@ def test_a_sheet_of_splats_is_as_opaque_as_its_border(share: float) -> None:
     """Drawn one over the other, at random places of a large sheet, splats of the peak hide that share of what is behind."""
     peak, rng = float(peak_opacity(np.array([share]))[0]), np.random.default_rng(0)
     x, y = np.meshgrid(np.arange(-6, 7), np.arange(-6, 7))
-    seen = [
-        1 - np.prod(1 - peak * np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * SIZE**2))) for u, v in rng.random((99, 2))
-    ]
+    squares = ((x - u) ** 2 + (y - v) ** 2 for u, v in rng.random((99, 2)))
+    seen = [1 - np.prod(1 - peak * np.exp(-each / (2 * SIZE**2))) for each in squares]
     assert np.mean(seen) == pytest.approx(share, abs=0.03)
 
 

@@ -173,13 +173,9 @@ def mask_of(path: Path, values: list[list[int]]) -> Path:
 
 def test_mask_polarity_and_tolerance(tmp_path: Path) -> None:
     """Oracle: the rule in HOUSE.md, <= 8 is black, >= 247 is white."""
-    for values, words in (
-        ([[0, 0]], "is empty"),
-        ([[255, 255]], "is full"),
-        ([[0, 1]], "is empty.*largest value is 1"),
-    ):
+    for values, words in (([0, 0], "is empty"), ([255, 255], "is full"), ([0, 1], "is empty.*largest value is 1")):
         with pytest.raises(MaskError, match=words):
-            read_mask(mask_of(tmp_path / "m.png", values))
+            read_mask(mask_of(tmp_path / "m.png", [values]))
     cv2.imwrite(str(tmp_path / "m.png"), np.array([[0, 1]], np.uint16))
     with pytest.raises(MaskError, match="largest value is 1"):
         read_mask(tmp_path / "m.png")
@@ -311,10 +307,7 @@ HEADS = {
 
 def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path) -> None:
     """Message: the scene itself goes elsewhere; of points and mesh it is the scene next to them; other pictures are named."""
-    for name, reported in (
-        ("s.npz", "a scene goes into view"),
-        ("s.ply", r"the scene\.npz of the result goes into view"),
-    ):
+    for name, reported in (("s.npz", "a scene goes into"), ("s.ply", r"the scene\.npz of the result goes into")):
         (tmp_path / name).write_bytes(b"ply\n")
         with pytest.raises(FileError, match=reported):
             read_color(tmp_path / name)

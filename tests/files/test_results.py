@@ -170,10 +170,7 @@ def test_only_what_is_asked_for_is_written(
         ({"only": ()}, ", ".join(RESULTS)),
         ({"also": ["scenes"]}, "also is 'scenes'; names of image"),
         ({"also": "mask"}, "also names mask, and mask is not given"),
-        (
-            {"only": ["disparity"]},
-            "disparity is to be written, which the completion lacks; disparity is of stereo pairs",
-        ),
+        ({"only": ["disparity"]}, "disparity is to be written, which the completion lacks; disparity is of stereo"),
     ],
 )
 def test_unknown_results_list_the_known(
@@ -226,9 +223,8 @@ def test_a_folder_named_as_a_file_is_refused(removal: Completion, tmp_path: Path
 def test_the_files_are_named_before_they_are_written(removal: Completion, tmp_path: Path) -> None:
     """Oracle: the folder itself."""
     made = write(removal, tmp_path / "out", also=("points", "scene", "hole"))
-    assert file_names(removal, also=("points", "scene", "hole")) == sorted(
-        path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file()
-    )
+    found = sorted(path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file())
+    assert file_names(removal, also=("points", "scene", "hole")) == found
 
 
 def test_the_source_panel_marks_what_is_removed(removal: Completion) -> None:

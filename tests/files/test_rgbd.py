@@ -123,9 +123,8 @@ def inverse(tmp_path: Path) -> tuple[Path, Path]:
 @pytest.mark.filterwarnings("ignore:the (field of view|scale of the estimated depth) is assumed")
 def test_inverse_depth_that_a_network_gave(inverse: tuple[Path, Path]) -> None:
     """Oracle: `estimate_depth` with a network that gives the numbers of the file."""
-    with pytest.warns(
-        UserWarning, match="scale .* is assumed .*: give `metres_at` or `camera_height`$"
-    ):  # no depth_model
+    words = "scale .* is assumed .*: give `metres_at` or `camera_height`$"  # no depth_model
+    with pytest.warns(UserWarning, match=words):
         rgbd = read_rgbd(*inverse, inverse_depth=True)
     same = estimate_depth(COLOR, depth_model=lambda _: DepthPrediction(NETWORK_GAVE, "inverse depth", False))
     np.testing.assert_array_equal(rgbd.depth, same.depth)

@@ -100,9 +100,8 @@ def test_numpy_alone_reads_it(tmp_path: Path) -> None:
     write_npz(tmp_path / "scene.npz", view, Scene((view_of(1),)))
     with np.load(tmp_path / "scene.npz") as arrays:
         assert {"rgb", "depth", "valid", "K", "world_from_cam", "origin", "confidence"} <= set(arrays.files)
-        assert np.array_equal(arrays["valid"], view.valid) and np.array_equal(
-            np.cumsum(arrays["layer0_rgb"], 0, dtype=np.uint8), view_of(1).color
-        )
+        color = np.cumsum(arrays["layer0_rgb"], 0, dtype=np.uint8)
+        assert np.array_equal(arrays["valid"], view.valid) and np.array_equal(color, view_of(1).color)
     assert np.array_equal(read_depth(tmp_path / "scene.npz"), view.depth)
 
 

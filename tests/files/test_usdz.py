@@ -21,10 +21,8 @@ from dlama.geometry.layers.layered_mesh import MeshPart
 def part(x: float, channels: int) -> MeshPart:
     """A quad at that x, five metres off, with a picture of 4 x 2 pixels that is bright at the top."""
     corners = np.array([[x, 0, 5], [x + 1, 0, 5], [x + 1, 1, 5], [x, 1, 5]], np.float64)
-    mesh = Mesh(
-        corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.zeros((4, 3), np.uint8), np.ones(4, np.uint8),
-        np.ones(4, np.float32),
-    )  # fmt: skip
+    triangles, color = np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.zeros((4, 3), np.uint8)
+    mesh = Mesh(corners, triangles, color, np.ones(4, np.uint8), np.ones(4, np.float32))
     picture = np.zeros((2, 4, channels), np.uint8)
     picture[0] = 255
     return MeshPart(mesh, np.array([[0, 0], [4, 0], [4, 2], [0, 2]], np.float64), picture, None)

@@ -76,11 +76,8 @@ def test_locate(toy: Path) -> None:
 def test_verify(toy: Path) -> None:
     """Each state in words; a known hash is not pinned."""
     assert verify(TOY).state == "missing" and "dlama models pull toy" in verify(TOY).detail
-    for data, words in (
-        (b"to", "cut short: 2 bytes"),
-        (b"toys", "too long: 4 bytes"),
-        (b"tow", "corrupted or replaced"),
-    ):
+    wrong = {b"to": "cut short: 2 bytes", b"toys": "too long: 4 bytes", b"tow": "corrupted or replaced"}
+    for data, words in wrong.items():
         toy.write_bytes(data)
         assert verify(TOY).state == "wrong" and verify(TOY).detail.startswith(words)
     toy.write_bytes(b"toy")

@@ -46,10 +46,8 @@ def test_nothing_is_kept_for_or_sent_to_the_makers_of_the_runtime(tmp_path: Path
 
 def test_sessions_close_for_large_pictures_and_open_again(tmp_path: Path) -> None:
     """Law: a small picture leaves them open; after a large one a network opens anew and says the same."""
-    model, fed = (
-        NetworkFile(constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3)),
-        {"planes": np.zeros((1, 4, 5, 6), np.float32)},
-    )
+    model = NetworkFile(constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3))
+    fed = {"planes": np.zeros((1, 4, 5, 6), np.float32)}
     before, session = model.run(fed), model.session
     make_room(LARGE)
     assert model.session is session

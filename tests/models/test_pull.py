@@ -125,10 +125,7 @@ def test_a_part_file_that_is_of_no_use(server: Server, cache_dir: Path, part: by
         (Site(BODY, announced=len(BODY) + 7), r"too long: 1024007 bytes are announced"),
         (Site(BODY[:-9], announced=-1), r"cut short: 1023991 bytes came, expected 1024000"),
         (Site(BODY + b"?", announced=-1), r"too long: more than 1024000 bytes came"),
-        (
-            Site(BODY, chunked=True, stops_after=[500_000] * 4, ranges=False),
-            r"broke off; the server did not announce the file's length",
-        ),
+        (Site(BODY, chunked=True, stops_after=[500_000] * 4, ranges=False), r"broke off; the server did not announce"),
         (Site(BODY[:-9], announced=len(BODY), ranges=False), r"broke off after 1023991 of 1024000 bytes"),
     ],
 )
@@ -169,9 +166,7 @@ def test_mirrors_in_order(server: Server) -> None:
     assert [path for path, _ in server.asked] == ["/gone", "/wrong", "/good"]
     (pull(a_record(good))).unlink()
     reported = refused(a_record(gone, wrong))
-    assert "no mirror gave the right file" in reported and reported.index("/gone: moved") < reported.index(
-        "/wrong: corrupted"
-    )
+    assert re.search("no mirror gave the right file.*/gone: moved.*/wrong: corrupted", reported)
 
 
 def test_a_bad_file_in_the_cache_is_replaced(server: Server, cache_dir: Path) -> None:

@@ -108,10 +108,8 @@ def grid_splats(
     x 3 levels; opacity: H x W in the middle of a splat, 0..1."""
     depth, joined = grid
     points = rays(camera) * depth[..., None].astype(np.float64)
-    right, down = (
-        tangent(points, axis, (joined & bit) > 0, depth / focal)
-        for axis, bit, focal in ((1, RIGHT, camera.fx), (0, DOWN, camera.fy))
-    )
+    right = tangent(points, 1, (joined & RIGHT) > 0, depth / camera.fx)
+    down = tangent(points, 0, (joined & DOWN) > 0, depth / camera.fy)
     right, down, points = right[shown], down[shown], points[shown]
     x, along = unit(right)
     normal, _ = unit(np.cross(x, down))
