@@ -31,22 +31,16 @@ class Row:
     """Counted from 1."""
     words: tuple[str, ...]
     columns: tuple[int, ...]
-    """Where each word begins, counted from 1."""
+    """Where each word begins, counted from 1, and where the last one ends."""
 
     def at(self, index: int) -> str:
         """`file:line:column` of a word; behind the last one, of the line's end."""
-        if index < len(self.words):
-            column = self.columns[index]
-        else:
-            column = self.columns[-1] + len(self.words[-1]) if self.words else 1
-        return f"{self.path}:{self.line}:{column}"
+        return f"{self.path}:{self.line}:{self.columns[min(index, len(self.words))]}"
 
     def need(self, count: int, what: str) -> None:
         """Raise FileError unless the line has just so many words."""
         if len(self.words) != count:
-            raise FileError(
-                f"{self.at(min(len(self.words), count))}: the line has {len(self.words)} values; {count} are expected ({what})"
-            )
+            raise FileError(f"{self.at(count)}: the line has {len(self.words)} values; {count} are expected ({what})")
 
     def number(self, index: int, *, finite: bool = True) -> float:
         """The word as a number; raises FileError."""
@@ -86,7 +80,8 @@ def read_rows(path: Path, *, commas: bool = False, text: str | None = None) -> l
     for number, line in enumerate(text.splitlines(), 1):
         if line.strip() and not line.lstrip().startswith("#"):
             found = list(re.finditer(r"\S+", line.replace(",", " ") if commas else line))
-            rows.append(Row(file, number, tuple(m[0] for m in found), tuple(m.start() + 1 for m in found)))
+            columns = (*(m.start() + 1 for m in found), found[-1].end() + 1 if found else 1)
+            rows.append(Row(file, number, tuple(m[0] for m in found), columns))
     return rows
 
 
