@@ -180,9 +180,8 @@ def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bi
     elif suffix in SUFFIXES:
         values = _one_channel(path, read_stored(path).values, what, eight_bit)
     else:
-        raise FileError(
-            f"{path}: {what} is no '{suffix}', but 16-bit PNG, TIFF or PGM, EXR, PFM, NPY (numpy.save) or NPZ"
-        )
+        known = "16-bit PNG, TIFF or PGM, EXR, PFM, NPY (numpy.save) or NPZ"
+        raise FileError(f"{path}: {what} is no '{suffix}', but {known}")
     if values.dtype.itemsize == 1 and not eight_bit:
         raise DepthError(f"{path}: holds 8-bit numbers{EIGHT_BIT[what]}")
     return values

@@ -47,9 +47,8 @@ def read_mask(
     """
     check_arguments(read_mask, locals())
     if mask_polarity not in ("fill", "known"):
-        raise MaskError(
-            f"`mask_polarity` is {mask_polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is expected"
-        )
+        known = "'fill' (255 = remove) or 'known' (255 = keep)"
+        raise MaskError(f"`mask_polarity` is {mask_polarity!r}; {known} is expected")
     if mask_class is not None:
         mask = _class_mask(path, mask_class)
         largest = 255

@@ -34,9 +34,8 @@ def decode_16_bits(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     """uint16 of a whole PNG, TIFF or PPM with 16-bit colours, H x W x C as RGB(A), or of a 16-bit PGM, H x W. FileError."""
     tags: Any = getattr(picture, "tag_v2", {})
     if tags.get(284, 1) != 1:  # PlanarConfiguration; OpenCV mixes rows of the planes
-        raise FileError(
-            f"{file}: holds its channels one after the other (planar) in 16 bits; save it interleaved, or as PNG"
-        )
+        mend = "save it interleaved, or as PNG"
+        raise FileError(f"{file}: holds its channels one after the other (planar) in 16 bits; {mend}")
     values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if picture.format == "PPM" and values is not None and values.ndim == 2:
         return np.asarray(values)

@@ -191,10 +191,7 @@ def main_view(completion: Completion) -> View:
 
 
 def chosen_writers(
-    completion: Completion,
-    names: Sequence[str],
-    mask: Any = None,
-    plates: Mapping[str, PathLike] | None = None,
+    completion: Completion, names: Sequence[str], mask: Any = None, plates: Mapping[str, PathLike] | None = None
 ) -> dict[str, Writer]:
     """File -> what writes it, of the results in `names`; the longest first, so that both threads end together."""
     writers = scene_writers(completion)
