@@ -17,7 +17,7 @@ from dlama.apps.cli import main
 from dlama.datasets.posed.nerfstudio import write_transforms
 from dlama.datasets.sequences import camera_paths
 from dlama.datasets.sequences import completion as module
-from dlama.datasets.sequences.loading import masks_by_number, open_frames, slice_frames
+from dlama.datasets.sequences.loading import LoadedScene, masks_of_frames, open_frames, slice_frames
 from dlama.datasets.sequences.results import pictures
 from dlama.errors import FileError, InputError, OutputError
 from dlama.files.cameras import camera_as_json
@@ -169,12 +169,12 @@ def test_depth_smaller_than_its_pictures(tmp_path: Path, capsys: pytest.CaptureF
         assert np.percentile(np.abs(done.depth / given.depth - 1)[~ball], 90) < 0.01
 
 
-def test_names_of_frames_are_no_places(tmp_path: Path) -> None:
+def test_names_of_frames_are_no_places() -> None:
     """Law: a mask of frame "3", which is not chosen, is not that of the fourth of those that are."""
-    mask = np.ones((2, 2), bool)
+    mask, names = np.ones(LENS.hw, bool), ["0", "4", "8", "12"]
+    loaded = LoadedScene(names, dlama.scene(list(map(frame, CAMERAS)), names=names), {}, ["3"], {})
     with pytest.warns(UserWarning, match="1 mask of frames that are left out: not used .3."):
-        others = {"3": "it contradicts all others"}
-        assert masks_by_number({"3": mask, "8": mask}, ["0", "4", "8", "12"], {}, others) == {2: mask}
+        assert list(masks_of_frames({"3": mask, "8": mask}, loaded, "::4")) == [2]
 
 
 def killed_after(count: int) -> Callable[..., None]:

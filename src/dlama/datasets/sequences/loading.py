@@ -141,20 +141,17 @@ def read_views(
     return views, {name: first_line(why) for name, why in errors.items()}
 
 
-def masks_by_number(
-    masks: Mapping[str, BoolArray],
-    names: Sequence[str],
-    damaged: Mapping[str, str],
-    others: Mapping[str, str],
-) -> dict[int, BoolArray]:
-    """Number of a frame -> mask, of frames by name or by place; without masks that are empty, unless all are.
+def masks_of_frames(masks: Mapping[str, BoolArray], loaded: LoadedScene, frames: str | None) -> dict[int, BoolArray]:
+    """Number of a frame -> mask, of frames by name, or by place of those that `frames` chose; no empty masks, unless all are;
+    those of larger pictures in the size to which these were shrunk. Masks of frames that are left out are warned of.
 
-    damaged, others: name -> why, of frames that are left out, `damaged` of those that have no place either; masks of both are
-    warned of. Raises InputError: no mask is left, no such frame, or a place where frames are damaged, which moves the places.
+    Raises InputError: no mask is left, no such frame, or a place where frames are damaged, which moves the places; MaskError,
+    which names the frame: another size.
     """
     given = {name: as_array(mask, "mask", "a bool array H x W") for name, mask in masks.items()}
     given = {name: mask for name, mask in given.items() if mask.any()} or given
-    why = {**damaged, **others}
+    why = loaded.damaged | dict.fromkeys(loaded.contradicting, "it contradicts all others")
+    why |= dict.fromkeys(loaded.not_chosen, f"`frames` is {frames}")
     unused = [name for name in given if name in why]
     if unused and len(unused) == len(given):
         raise InputError(f"`mask` is for frame {unused[0]}, which is left out: {why[unused[0]]}")
@@ -163,10 +160,12 @@ def masks_by_number(
         warn(f"{format_count(len(unused), 'mask')} of frames that are left out: not used ({listed})")
     found: dict[int, BoolArray] = {}
     for name in (each for each in given if each not in why):
-        number = _number_of(name, names, damaged)
+        number = _number_of(name, loaded.names, loaded.damaged)
         if number in found:
-            raise InputError(f"mask: frame {names[number]} has two; one mask a frame is expected")
-        found[number] = given[name]
+            raise InputError(f"mask: frame {loaded.names[number]} has two; one mask a frame is expected")
+        hw = loaded.scene.frames[loaded.scene.place_of(number)].camera.hw
+        found[number] = shrink_mask(given[name], hw)
+        check_same_size(f"`mask` of frame {loaded.names[number]}", found[number].shape, "the picture", hw, MaskError)
     return found
 
 
@@ -185,20 +184,6 @@ def _number_of(name: str, names: Sequence[str], damaged: Mapping[str, str]) -> i
     raise InputError(
         f"`mask` is for frame {name}, which is not there; a name ({few}) or a place, 0 to {len(names) - 1}, is expected"
     )
-
-
-def masks_of_frames(masks: Mapping[str, BoolArray], loaded: LoadedScene, frames: str | None) -> dict[int, BoolArray]:
-    """Number of a frame -> mask, as `masks_by_number`, of the frames that `frames` chose; those of larger pictures in the size to
-    which these were shrunk. MaskError, which names the frame: another size."""
-    names, scene = loaded.names, loaded.scene
-    others = dict.fromkeys(loaded.contradicting, "it contradicts all others")
-    others |= dict.fromkeys(loaded.not_chosen, f"`frames` is {frames}")
-    found = {}
-    for number, mask in masks_by_number(masks, names, loaded.damaged, others).items():
-        hw = scene.frames[scene.place_of(number)].camera.hw
-        found[number] = shrink_mask(mask, hw)
-        check_same_size(f"`mask` of frame {names[number]}", found[number].shape, "the picture", hw, MaskError)
-    return found
 
 
 def shrink_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
