@@ -14,11 +14,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 Box = tuple[slice, slice]
 """Rows and columns, both ends given."""
 
-LARGE = 24
-"""Radius in px from which a mask is dilated by a distance transform, whose time does not depend on the radius."""
-ROUNDS = 2
-"""Sweeps there and back of `nearest_by_color`."""
-
 
 def disc(radius: int) -> np.ndarray:
     """Kernel of dilation and erosion: all pixels within `radius` of the centre, (2 radius + 1) square, uint8."""
@@ -27,11 +22,11 @@ def disc(radius: int) -> np.ndarray:
 
 
 def dilate_mask(mask: BoolArray, radius: int) -> BoolArray:
-    """The mask grown by `radius` pixels (disc); a radius from LARGE takes no longer than a small one, and is exact up to 1000 px,
-    to a pixel beyond."""
+    """The mask grown by `radius` pixels (disc); a large radius takes no longer than a small one, and is exact up to 1000 px, to a
+    pixel beyond."""
     if radius == 0 or not mask.any():
         return mask.copy()
-    if radius < LARGE:
+    if radius < 24:  # beyond, distances take less time
         return cv2.dilate(mask.astype(np.uint8), disc(radius)) > 0
     distance = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE).astype(np.float64)
     return np.rint(distance**2) <= min(radius, sum(mask.shape)) ** 2 + min(radius, sum(mask.shape))
@@ -149,7 +144,7 @@ def nearest_along_colors(
     source = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), np.int32(-1))
     distance = np.where(known, np.float32(start), np.float32(longest))
     nothing = DepthCost(np.zeros(known.shape, np.float32), 0.0, 0.0)
-    nearest_by_color(distance, source, free, color, against or nothing, ROUNDS)
+    nearest_by_color(distance, source, free, color, against or nothing, 2)  # sweeps there and back
     return source
 
 

@@ -30,8 +30,6 @@ BAND = 8192
 """Pixels per task."""
 MAX_ROUNDS = 8
 """Passes over all source cameras, after which remaining violations are put at infinity."""
-SIGMAS, EXACT, EDGES_PX = 3.0, 1e-3, 2
-"""Slack of the law for many frames in standard deviations of depth; relative noise that counts as none; error of edges in px."""
 
 _aligned: WeakKeyDictionary[Law, tuple[tuple[Layer, ...], Law]] = WeakKeyDictionary()
 """A law, the frames that its edges were last aligned by, and what came of it: cameras of one scene ask for the same."""
@@ -142,14 +140,14 @@ class Law:
 
 def subtract_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Array:
     """Measured depth (H x W metres, 0 = none, inf = far) less three standard deviations of `Scene.noise`, poses included, and
-    the nearest of each pixel's neighbourhood, for edges may be off sideways. Unchanged without noise."""
+    the nearest of each pixel's neighbourhood, for edges may be off by 2 px. Unchanged where they are 0.1 % or less."""
     finite = is_valid(depth)
     metres = np.where(finite, depth, np.float32(0))
-    spread = SIGMAS * np.hypot(noise[0], noise[1] * metres**2)
-    if not finite.any() or float(np.median((spread / np.maximum(metres, 1e-3))[finite])) <= EXACT:
+    spread = 3 * np.hypot(noise[0], noise[1] * metres**2)
+    if not finite.any() or float(np.median((spread / np.maximum(metres, 1e-3))[finite])) <= 1e-3:
         return depth
     known = np.where(depth > 0, np.where(finite, depth - spread, depth), np.inf).astype(np.float32)
-    nearest = cv2.erode(known, square(2 * EDGES_PX + 1))
+    nearest = cv2.erode(known, square(5))
     return np.where(depth > 0, np.maximum(nearest, np.float32(1e-3)), np.float32(0))
 
 

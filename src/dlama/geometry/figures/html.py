@@ -14,7 +14,6 @@ Panel = tuple[str, NDArray[np.uint8]]
 
 LARGEST_SIDE = 300
 """Pixels; larger pictures are averaged down, so that a saved notebook stays small."""
-JPEG_QUALITY = 88
 GAP = 8
 """Pixels between the pictures of a strip."""
 
@@ -77,5 +76,5 @@ def _encode(picture: NDArray[np.uint8], suffix: str) -> bytes:
     """The bytes of a JPEG or PNG file of an RGB picture."""
     import cv2
 
-    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix == ".jpg" else []
+    options = [cv2.IMWRITE_JPEG_QUALITY, 88] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, np.ascontiguousarray(picture[..., ::-1]), options)[1])

@@ -33,10 +33,6 @@ from dlama.geometry.view import View
 
 KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 5_000_000
 """Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have together at most."""
-UNLIKE, UNLIKE_PX = 8.0, 7
-"""Largest difference in levels, of means over squares of so many px and over channels, between a frame's colours where its depth
-is missing and those of another frame whose depth is taken. Beyond it that one shows what lies behind: no frame measured the
-surface in front, which would hide it."""
 Found = TypeVar("Found")
 
 
@@ -164,8 +160,9 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     unlike = others & colored
     if unlike.any():
         shown = replace_pixels(own.color, others, canvas.color)
-        means = (cv2.blur(each, (UNLIKE_PX, UNLIKE_PX)) for each in (shown, own.color))
-        unlike &= cv2.absdiff(*means).mean(-1) > UNLIKE
+        means = (cv2.blur(each, (7, 7)) for each in (shown, own.color))
+        # beyond 8 levels another frame shows what lies behind: none measured the surface in front, which would hide it
+        unlike &= cv2.absdiff(*means).mean(-1) > 8
     for plane in (*canvas[:4], best):
         plane[slivers | unlike] = 0
     others &= best > 0

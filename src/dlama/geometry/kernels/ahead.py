@@ -22,8 +22,6 @@ from dlama.geometry.kernels.stored import NOT_KEPT
 
 LISTED = Path(__file__).parents[2] / "assets" / "kernels.txt"
 """A line for each kernel, in the order of need: jobs, `module:name`, types. `benchmarks/kernels.py` makes it."""
-MOST = 4
-"""Processes: more would take longer to start than they save."""
 
 
 def listed_kernels(job: str | None = None) -> list[list[str]]:
@@ -52,8 +50,8 @@ def compile_listed(job: str, begin: int, step: int) -> None:
 
 
 def start_compiling(job: str, processes: int) -> list[subprocess.Popen[bytes]]:
-    """So many processes (at most MOST) that compile the job's kernels, under way; they end with this one at the latest."""
-    processes = min(processes, MOST)
+    """So many processes (at most 4) that compile the job's kernels, under way; they end with this one at the latest."""
+    processes = min(processes, 4)  # more would take longer to start than they save
     line = [sys.executable, "-m", __name__, job]
     started = [
         subprocess.Popen(

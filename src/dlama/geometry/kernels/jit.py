@@ -148,8 +148,6 @@ _thread = threading.local()
 _LOADING = threading.RLock()
 BAND = 32
 """Rows per task: enough of them that threads finish together, not so many that handing them out costs."""
-PIXELS = 2**17
-"""Pixels per task of a job that takes about a nanosecond for each: fewer are done before a second thread has woken up."""
 
 _most_threads: list[int] = []
 
@@ -214,8 +212,9 @@ def as_input(array: Array) -> Array:
 
 
 def light_band(columns: int) -> int:
-    """Rows per task (`in_bands`) of a job that takes about a nanosecond a pixel, on rows of so many pixels."""
-    return max(BAND, PIXELS // max(1, columns))
+    """Rows per task (`in_bands`) of a job that takes about a nanosecond a pixel, on rows of so many pixels: fewer are done before
+    a second thread has woken up."""
+    return max(BAND, 2**17 // max(1, columns))
 
 
 def begin_job(job: Callable[..., Made], *arguments: Any) -> Callable[[], Made]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import shrink_known
-from dlama.geometry.rgbd import UInt8Array, freeze
+from dlama.geometry.rgbd import freeze
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -38,7 +38,12 @@ def subsample(view: View, step: int) -> View:
         return view
     rows, columns = (side // step * step for side in view.camera.hw)
     middle = slice(step // 2, rows, step), slice(step // 2, columns, step)
-    color = mean_colors(view.color[:rows, :columns], ~view.color_hole[:rows, :columns], step)
+    color, known = view.color[:rows, :columns], ~view.color_hole[:rows, :columns]
+    size = columns // step, rows // step
+    if known.all():
+        color = np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
+    else:
+        color = np.rint(shrink_known(color, known, size)[0]).astype(np.uint8)
     color[view.color_hole[middle]] = 0
     planes = view.planes_at(middle) | {"color": freeze(color)}
     return dataclasses.replace(view, camera=subsample_camera(view.camera, step, color.shape[:2]), **planes)
@@ -56,11 +61,3 @@ def subsample_camera(camera: Camera, step: int, hw: tuple[int, int]) -> Camera:
         cx=(camera.cx - shift) / step + 0.5,
         cy=(camera.cy - shift) / step + 0.5,
     )
-
-
-def mean_colors(color: UInt8Array, known: np.ndarray, step: int) -> UInt8Array:
-    """h x w x 3: the mean colour of the known pixels of each step x step; where there is none, 0."""
-    size = color.shape[1] // step, color.shape[0] // step
-    if known.all():
-        return np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return np.rint(shrink_known(color, known, size)[0]).astype(np.uint8)

@@ -19,8 +19,6 @@ from dlama.geometry.view import View
 PIVOT_M = 2.5
 """Metres ahead on the optical axis, of the point that a camera orbits about where no depth is known (the paper's centroid,
 sec. 4)."""
-MOST_DEGREES = 360
-"""Larger angles are mistakes: 700 would mean -20."""
 
 
 def orbit(
@@ -44,10 +42,8 @@ def orbit(
     """
     check_arguments(orbit, locals())
     for name, value in (("yaw", yaw), ("pitch", pitch)):
-        if not is_finite(value) or not abs(value) <= MOST_DEGREES:
-            raise InputError(
-                f"`{name}` is {value!r}; an angle of -{MOST_DEGREES} to {MOST_DEGREES} degrees is expected"
-            )
+        if not is_finite(value) or not abs(value) <= 360:  # 700 would mean -20
+            raise InputError(f"`{name}` is {value!r}; an angle of -360 to 360 degrees is expected")
     source = camera if isinstance(camera, Camera) else camera.camera
     metres = auto_pivot(camera) if pivot == "auto" else pivot
     if not is_finite(metres) or not 0 <= metres <= FARTHEST_M:

@@ -14,9 +14,6 @@ from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined, kernel, piece
 from dlama.geometry.kernels.visibility import ray
 from dlama.geometry.rgbd import Float32Array, UInt8Array, UInt16Array
 
-FLOOR = 5e-3
-"""Relative depth within which two drawings of one surface lie even without noise (as layers of a scene are fused)."""
-SIGMAS = 3.0
 LEAST = 1e-6
 REPROJECTED, DEPTH_FILLED, ELSEWHERE = (
     code.value for code in (Origin.REPROJECTED, Origin.DEPTH_FILLED, Origin.ELSEWHERE)
@@ -61,9 +58,9 @@ class Seen(NamedTuple):
 
 @piece
 def tolerance(depth: Real, noise: Float64Array) -> Real:
-    """Metres between two depths of one surface: three standard deviations, or the floor."""
+    """Metres between two depths of one surface: three standard deviations, or 0.5 %, as layers of a scene are fused."""
     spread = noise[1] * depth * depth
-    return max(FLOOR * depth, SIGMAS * math.sqrt(noise[0] * noise[0] + spread * spread))
+    return max(5e-3 * depth, 3.0 * math.sqrt(noise[0] * noise[0] + spread * spread))
 
 
 @inlined

@@ -28,10 +28,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 MEASURED, REPROJECTED = Origin.MEASURED.value, Origin.REPROJECTED.value
 SHRUNK_2 = np.float32(1.2**2)
 """Source pixels per target pixel, squared, above which one place is not enough."""
-FARTHEST = np.float32(4)
-"""Source columns or rows between neighbours in the target above which they are two surfaces."""
-MOST = np.float32(4)
-"""Source places along a target pixel's row, and along its column, that are averaged at most."""
 
 
 class Planes(NamedTuple):
@@ -62,7 +58,7 @@ def shade_surface(
 ) -> None:
     """Colours of a surface drawing: read between source pixels, never across an edge (`sampling.surface_color`).
 
-    Where the source is drawn smaller and `average`: the mean of up to MOST places along a target pixel's row, and as many along
+    Where the source is drawn smaller and `average`: the mean of up to 4 places along a target pixel's row, and as many along
     its column, if all lie in whole quads. They are a source pixel apart at most, so none lies beyond an edge.
     """
     for ty in range(first, last):
@@ -137,18 +133,18 @@ def in_whole_quad(u: Real, v: Real, colors: MeshColors) -> Flag:
 
 @piece
 def places(length_2: Real) -> Real:
-    """How many places, 1 .. MOST, one target pixel needs where the next is so far on in the source, squared (a float32)."""
-    return ONE if length_2 <= SHRUNK_2 else min(np.ceil(np.sqrt(length_2)), MOST)
+    """How many places, 1 .. 4, one target pixel needs where the next is so far on in the source, squared (a float32)."""
+    return ONE if length_2 <= SHRUNK_2 else min(np.ceil(np.sqrt(length_2)), np.float32(4))
 
 
 @inlined
 def stride(drawn: ZBuffer, ty: Whole, tx: Whole, y: Whole, x: Whole) -> tuple[Real, Real]:
-    """Source columns and rows from a target pixel to its neighbour (y, x); 0, 0 where none is or it is too far on."""
+    """Source columns and rows from a target pixel to its neighbour (y, x); 0, 0 where none is or it is on another surface."""
     w, where = drawn.w, drawn.where
     if y >= w.shape[0] or x >= w.shape[1] or w[y, x] <= 0:
         return ZERO, ZERO
     u, v = where[y, x, 0] - where[ty, tx, 0], where[y, x, 1] - where[ty, tx, 1]
-    if abs(u) > FARTHEST or abs(v) > FARTHEST:
+    if abs(u) > 4 or abs(v) > 4:
         return ZERO, ZERO
     return u, v
 
