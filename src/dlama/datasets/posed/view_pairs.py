@@ -57,7 +57,11 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
     limit: so many cases at most; 0: no pairs are looked for, the frames alone are expected.
     """
     frames, name = tuple(frames), root.resolve().name
-    _check_names(root, frames)
+    for (scene, called), count in Counter((frame.scene, frame.name) for frame in frames).items():
+        if count > 1:  # frames of a scene are distinguished by their names alone
+            raise FileError(
+                f"{root}: two frames have pictures called {called} (scene {scene}); different names are expected"
+            )
     scenes: dict[str, list[PosedFrame]] = {}
     for frame in frames:
         scenes.setdefault(frame.scene, []).append(frame)
@@ -79,15 +83,6 @@ def _no_pairs(dataset: Dataset, scenes: Iterable[list[PosedFrame]]) -> NoPairsEr
     unit = "; are depth and poses in the same unit?" if turned else ", as those of a case do"
     degrees = f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees"
     return NoPairsError(f"{root}: no two of its {count} frames {of_those} by {degrees}{unit}", dataset, turned)
-
-
-def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
-    """Frames of a scene are distinguished by their names alone, which are those of their pictures."""
-    for (scene, name), count in Counter((frame.scene, frame.name) for frame in frames).items():
-        if count > 1:
-            raise FileError(
-                f"{root}: two frames have pictures called {name} (scene {scene}); different names are expected"
-            )
 
 
 def view_pairs(frames: Sequence[PosedFrame], dataset: str) -> Iterator[Case]:
