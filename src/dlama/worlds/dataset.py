@@ -188,15 +188,11 @@ def open_dataset_or_worlds(path: Path | str, layout: str | None = None, **option
     refuse_unused(LAYOUT, frozenset(), options)
     if layout is not None:
         raise InputError(f"'{path}' is generated and has no layout; layout {layout} is for folders")
-    return select_cases(named_worlds(str(path)), options.get("scenes"), options.get("limit"))
-
-
-def named_worlds(name: str) -> Dataset:
-    """The worlds of a name: `worlds`, with a count and a seed behind colons. InputError where it is malformed."""
-    _, *numbers = name.split(":")
+    _, *numbers = str(path).split(":")
     if len(numbers) > 2 or not all(number.isdecimal() for number in numbers) or numbers[:1] == ["0"]:
         raise InputError(
-            f"'{name}' is no name of generated worlds; worlds, worlds:COUNT or worlds:COUNT:SEED is expected"
+            f"'{path}' is no name of generated worlds; worlds, worlds:COUNT or worlds:COUNT:SEED is expected"
         )
     count = int(numbers[0]) if numbers else DEFAULT_COUNT
-    return worlds(count, seed=int(numbers[1]) if len(numbers) > 1 else 0)
+    seed = int(numbers[1]) if len(numbers) > 1 else 0
+    return select_cases(worlds(count, seed=seed), options.get("scenes"), options.get("limit"))
