@@ -131,8 +131,9 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     if not adjacent.any():
         return adjacent
     background = np.zeros_like(adjacent)
-    if view.object_hole.any():
-        background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT.value) & find_background(view, law)
+    if view.object_hole.any() and (removed := depth_of_removed(view, law)) is not None:
+        behind = view.far | (view.valid & (view.depth > 0.95 * removed))  # or next to it
+        background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT.value) & behind
         adjacent &= ~background
     guessed = (view.origin == Origin.ESTIMATED.value).any()  # estimated depth has no reliable edges
     if guessed or not adjacent.any():
@@ -165,17 +166,6 @@ def find_occluders_coarsely(view: View, surfaces: Surfaces, depth: Float32Array,
     coarse = Surfaces(surfaces.inverse_depth[at], surfaces.label[at], planes)
     found = find_occluders(view.subsample(step), coarse, depth[at], law)
     return repeat_cells(found, step, view.hole.shape) & view.valid
-
-
-def find_background(view: View, law: Law) -> BoolArray:
-    """H x W, True in known pixels next to or behind the nearest part of a removed object: its background, also where near.
-
-    All False where the object's depth is unknown.
-    """
-    removed = depth_of_removed(view, law)
-    if removed is None:
-        return np.zeros(view.hole.shape, np.bool_)
-    return view.far | (view.valid & (view.depth > 0.95 * removed))
 
 
 def seams(label: NDArray[np.int8], hole: BoolArray) -> BoolArray:

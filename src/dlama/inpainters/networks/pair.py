@@ -19,7 +19,7 @@ from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.contract import require_planes
 from dlama.inpainters.networks.engine import Engine, open_engine
-from dlama.inpainters.networks.tiling import Network, fill_crops
+from dlama.inpainters.networks.tiling import fill_crops
 from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes
 
 
@@ -61,20 +61,15 @@ def fill_pair(network: Engine, planes: Float32Array, holes: BoolArray) -> Float3
     With one mask the network sees neither picture where either has its hole, and gives both there. With two, each picture is
     hidden and filled in its own hole only.
     """
-    union = holes[0] | holes[1]
-    if network.contract.masks == 1:
+    union, about = holes[0] | holes[1], network.contract
+    if about.masks == 1:
         return network.fill(planes[None], union)[0]
-    both = np.concatenate([planes, holes.astype(np.float32)])[None]
-    return fill_crops(both, union, _with_two_masks(network), network.layout)[0, :6]
-
-
-def _with_two_masks(network: Engine) -> Network:
-    """The network on 8 planes, the masks last, that travel through crops and tiles together; a filled pixel's masks are 0."""
-    about = network.contract
 
     def call(both: Float32Array, union: BoolArray) -> Float32Array:
         planes, holes = both[:, :6], both[0, 6:] > 0
         filled = np.where(about.hole_of_planes(holes), network.run_planes(planes, holes), planes)
-        return np.concatenate([filled, np.zeros_like(both[:, 6:])], 1)
+        return np.concatenate([filled, np.zeros_like(both[:, 6:])], 1)  # a filled pixel's masks are 0
 
-    return call
+    # masks travel through crops and tiles with the planes
+    both = np.concatenate([planes, holes.astype(np.float32)])[None]
+    return fill_crops(both, union, call, network.layout)[0, :6]

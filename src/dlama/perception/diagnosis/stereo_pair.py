@@ -138,7 +138,10 @@ def find_pair_fault(
     fault = find_corner_fault(corners, left.shape[0], doffs)
     if fault is not None:
         return fault.what
-    own, theirs = disparities_at(corners, left_disparity)
+    kept = on_common_rows(corners, len(left_disparity))
+    column, row = corners.at[kept].astype(int).T
+    theirs = left_disparity[row, column].astype(np.float64)
+    own, theirs = corners.offsets[kept, 0][theirs != 0], theirs[theirs != 0]
     agree = np.abs(own - theirs) <= np.maximum(2.0, 0.05 * np.abs(own))
     if len(agree) >= ENOUGH and agree.mean() < SHARED:  # true and matched maps have 86 to 98 %
         return (
@@ -149,14 +152,6 @@ def find_pair_fault(
     if known < 0.1:
         return f"only {known:.0%} of the left picture was found in the right one, so most depth is a guess"
     return None
-
-
-def disparities_at(corners: Corners, disparity: Float32Array) -> tuple[Float64Array, Float64Array]:
-    """N px each, of the corners that lie on one row and where the disparity (H x W px, 0 = unknown) is known: theirs, and it."""
-    kept = on_common_rows(corners, len(disparity))
-    column, row = corners.at[kept].astype(int).T
-    given = disparity[row, column].astype(np.float64)
-    return corners.offsets[kept, 0][given != 0], given[given != 0]
 
 
 def find_many_unmatched(left: UInt8Array, depth: Float32Array) -> str | None:

@@ -75,9 +75,16 @@ class NetworkMatcher:
 
     @classmethod
     def open(cls, path: str | Path) -> NetworkMatcher:
-        """The matcher of a network file. FileError: no such file, no contract, or one that cannot be read."""
+        """The matcher of a network file, by the contract in its metadata or in the JSON file next to it. FileError: no such file,
+        no contract, or one that cannot be read."""
         file = open_kept(NetworkFile, user_path(path))
-        return cls(file, read_file_contract(file))
+        contract, sidecar = StereoContract.of_file(file), file.path.with_suffix(".json")
+        if contract is None and not sidecar.is_file():
+            raise FileError(
+                f"{file.path}: carries no contract; {sidecar.name} next to it is expected, such as "
+                '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
+            )
+        return cls(file, contract or StereoContract.read(sidecar.read_text(encoding="utf-8"), file.path))
 
     def __call__(self, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
         """The disparity of each picture (H x W px, 0 = unknown), matched both ways and checked for consistency. FileError where
@@ -108,16 +115,3 @@ class NetworkMatcher:
                 f"finite numbers of {shown[0]} x {shown[1]} are expected"
             )
         return self.contract.disparity(out.reshape(-1, *shown)[0], base.shape[:2])
-
-
-def read_file_contract(file: NetworkFile) -> StereoContract:
-    """The contract in a file's metadata, or in the JSON file next to it. FileError: none, or one that cannot be read."""
-    if (contract := StereoContract.of_file(file)) is not None:
-        return contract
-    sidecar = file.path.with_suffix(".json")
-    if not sidecar.is_file():
-        raise FileError(
-            f"{file.path}: carries no contract; {sidecar.name} next to it is expected, such as "
-            '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
-        )
-    return StereoContract.read(sidecar.read_text(encoding="utf-8"), file.path)
