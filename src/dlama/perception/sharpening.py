@@ -41,7 +41,12 @@ def sharpen_depth(
     median is the same of both); color: H x W x 3, RGB; where: H x W, the pixels that are needed, None = all.
     """
     if max(values.shape) > LARGEST:
-        return _sharpen_small(values, color, inverse, where)
+        hw = smaller_size(values.shape, LARGEST)[::-1]
+        small, small_color = nearest_pixels(values, hw), shrink_color(color, hw)
+        found = sharpen_depth(small, small_color, inverse, None if where is None else nearest_pixels(where, hw))
+        changed, out = dilate_square(found != small, 3), values.copy()
+        in_bands(take_most_alike, len(out), color, small_color, found, changed, out)
+        return out
     size = max(values.shape) / 512
     near = values if inverse else inverse_depth(values)
     ramp = on_ramp(near, STEEP / size, BEND, round(1.5 * RADIUS * size))
@@ -78,17 +83,6 @@ def _median(
     near = np.exp(-(places[:, None] ** 2 + places**2) / (2 * space_sigma**2)).astype(np.float32)
     marks = np.ascontiguousarray(values), blurred, votes, color
     in_bands(joint_median, len(values), *marks, px, step, alike, near, room, out)
-    return out
-
-
-def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool, where: BoolArray | None) -> Float32Array:
-    """`sharpen_depth` in a picture of LARGEST px, brought to the size of the given one."""
-    hw = smaller_size(values.shape, LARGEST)[::-1]
-    small, small_color = nearest_pixels(values, hw), shrink_color(color, hw)
-    found = sharpen_depth(small, small_color, inverse, None if where is None else nearest_pixels(where, hw))
-    changed = dilate_square(found != small, 3)
-    out = values.copy()
-    in_bands(take_most_alike, len(out), color, small_color, found, changed, out)
     return out
 
 
