@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from dlama.geometry.kernels.jit import Array, Flag, Pixel, Real, Whole, kernel, piece
+from dlama.geometry.kernels.jit import Array, Flag, Pixel, Real, Whole, inlined, kernel, piece
 
 DEPTH_METRES = 1e-3
 """Most that depth may be off in metres; or a `share` of it, or as `noise` of inverse depth (1/m) moves it, whichever is most."""
@@ -109,7 +109,7 @@ def halve_smallest(first: Whole, last: Whole, relief: Relief, halved: Array) -> 
             halved[row, column] = 1 if (around == 0) | wrong else 0
 
 
-@piece
+@inlined
 def is_halved(relief: Relief, halved: Array, at: Pixel, side: Pixel, apex: Pixel) -> Flag:
     """Whether the triangles at a middle (row, column) are halved: the middle of one of their other sides is, or one of the two
     does not fit.
@@ -118,11 +118,12 @@ def is_halved(relief: Relief, halved: Array, at: Pixel, side: Pixel, apex: Pixel
     """
     (y, x), (down, right), (apex_down, apex_right) = at, side, apex
     tall, wide = halved.shape
+    for number in range(4 if (right + apex_right) % 2 == 0 else 0):  # none of the smallest triangles
+        way, other = 2 * (number // 2) - 1, 2 * (number % 2) - 1
+        sub_y, sub_x = y + way * (down + other * apex_down) // 2, x + way * (right + other * apex_right) // 2
+        if 0 <= sub_y < tall and 0 <= sub_x < wide and halved[sub_y, sub_x] != 0:
+            return True
     for way in range(-1, 2, 2):
-        for other in range(-1, 2, 2):
-            sub_y, sub_x = y + way * (down + other * apex_down) // 2, x + way * (right + other * apex_right) // 2
-            if (right + apex_right) % 2 == 0 and 0 <= sub_y < tall and 0 <= sub_x < wide and halved[sub_y, sub_x] != 0:
-                return True
         end_y, end_x = y + way * apex_down, x + way * apex_right
         inside = 0 <= end_y < tall and 0 <= end_x < wide
         if inside and not fits_clamped(relief, x - right, y - down, x + right, y + down, end_x, end_y):
