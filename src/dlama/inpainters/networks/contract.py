@@ -27,8 +27,6 @@ PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
 """Of a stereo pair: the left picture's planes, then the right one's."""
 PLANES = {1: ("depth",), 3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}
 """Number of planes a network gives -> their names."""
-LARGEST_SIDE = 4096
-"""Pixels, of every side that a contract names: the memory that a network takes grows with its square."""
 LARGEST_VALUE = 1e6
 """Of a plane."""
 LONGEST_TEXT = 1_000_000
@@ -79,7 +77,8 @@ class Contract:
         for name in ("in_range", "out_range"):
             self._check_range(name)
         for name in ("multiple", "minimum", "side"):
-            check_count(getattr(self, name), f"contract: {name}", 1, LARGEST_SIDE)
+            # pixels: the memory that a network takes grows with their square
+            check_count(getattr(self, name), f"contract: {name}", 1, 4096)
 
     def _check_planes(self) -> None:
         known, masks = self.in_planes[: len(self.out_planes)], self.in_planes[len(self.out_planes) :]

@@ -67,7 +67,7 @@ class Masker:
         refused = None
         for click in prompt.clicks:
             try:
-                found = self.masks_of_click(of_click(prompt, click))
+                found = self.masks_of_click(Prompt(prompt.hw, (click,)))
             except NothingThereError as error:
                 refused = refused or error
                 continue
@@ -80,7 +80,7 @@ class Masker:
         nothing."""
         network, others = NetworkMask.in_box(self.rgbd, prompt), np.zeros(prompt.hw, np.bool_)
         for click in prompt.not_clicks:
-            others |= self.object_alone(of_click(prompt, click))
+            others |= self.object_alone(Prompt(prompt.hw, (click,)))
         found = self.masks_apart_from(others, network, prompt)
         if not found and others.any():
             found = self.masks_apart_from(np.zeros_like(others), network, prompt)
@@ -102,7 +102,7 @@ class Masker:
         network = NetworkMask(np.where(free, network.probability, np.float32(0)), network.reach)
         amid, prompts = network.own if network.own.any() else free, [Prompt(prompt.hw, box=prompt.box)]
         if network.own.any() or (others.any() and free.any()):
-            prompts.append(of_click(prompt, (*prompt.clicks, innermost_pixel(amid)[::-1])[0]))
+            prompts.append(Prompt(prompt.hw, (*prompt.clicks, innermost_pixel(amid)[::-1])[:1]))
         found = list[BoolArray]()
         for one in prompts:
             with contextlib.suppress(MaskError):
@@ -126,7 +126,7 @@ class Masker:
         if not (clicks or prompt.not_clicks):
             return found
         alone = dict[Pixel, BoolArray]()
-        for one in (of_click(prompt, click) for click in clicks):
+        for one in (Prompt(prompt.hw, (click,)) for click in clicks):
             if not all(mask[one.on[0]] for mask in found.values()):
                 alone[one.on[0]] = self.object_alone(one)
         first, *others = [correct_mask(self.rgbd, mask, prompt, alone) for mask in found.values()]
@@ -206,11 +206,6 @@ class NetworkMask:
         mask = decide_by_color(rgbd, self.own, band)
         missed = [pixel for pixel in prompt.on[:1] if not mask[pixel]]
         return correct_at_click(rgbd, mask, missed[0], prompt) if missed else mask
-
-
-def of_click(prompt: Prompt, click: Point) -> Prompt:
-    """One click of a prompt alone."""
-    return Prompt(prompt.hw, (click,))
 
 
 def expected_iou(probability: Float32Array, mask: BoolArray) -> float:
