@@ -14,6 +14,7 @@ from dlama.completion.photo3d import photo3d
 from dlama.completion.verbs import remove
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.codes import HoleType
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -33,6 +34,13 @@ def test_no_camera_of_the_box_sees_a_hole(done: module.Photo3D) -> None:
         hole = render(done.scene, camera, types=False, fine=False).hole
         assert hole.mean() < 0.002
         assert not cv2.erode(hole.astype(np.uint8), LARGER_THAN_3, borderValue=0).any()
+
+
+def test_wide_cameras_fill_what_is_out_of_view(done: module.Photo3D) -> None:
+    """Law: of what an object hides they see slivers, which cameras from the side fill as a whole."""
+    for fill in done.scene.fills[: module.WIDE_CAMERAS]:
+        assert fill.camera.width > street().camera.width
+        assert set(np.unique(fill.load().hole_type)) == {HoleType.NONE.value, HoleType.OUT_OF_VIEW.value}
 
 
 def test_measured_pixels_stay(done: module.Photo3D) -> None:

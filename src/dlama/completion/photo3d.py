@@ -52,6 +52,8 @@ UNDER_EDGES = 0.025
 """Share of the width by which surfaces continue under depth edges, where nothing else was filled."""
 BETWEEN = 6
 """Cameras within the box whose views must be known, besides those of the grid on its surface."""
+WIDE_CAMERAS = 2
+"""The source camera and the one at the back of the box, with larger pictures: what lies out of view is filled in theirs."""
 ENOUGH, MOST_CAMERAS = 1e-3, 14
 """Share of any view of the grid that may stay open; cameras that are filled at most."""
 
@@ -149,14 +151,17 @@ def complete_box(plan: Plan, scene: Scene, box: HeadBox, clock: Clock) -> tuple[
         unknown = Unknown(scene, box)
     seen: list[CompletedView] = []
     while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
-        camera = unknown.next_camera() if len(seen) > 1 else box.wide(-len(seen))
+        camera = unknown.next_camera() if len(seen) >= WIDE_CAMERAS else box.wide(-len(seen))
         found, larger = complete_view(plan, scene, camera, clock)
-        added = larger.fills[len(scene.fills) :]
+        before = len(scene.fills)
         seen.append(found)
         with clock("look"):
-            for layer in added:
-                scene = add_layer(scene, found.view, layer.load().hole_type != HoleType.NONE.value, OVERLAP)
-            unknown.look(added)
+            for layer in larger.fills[before:]:
+                why = layer.load().hole_type
+                # of what objects hide, a wide camera sees slivers; the others see more of it
+                added = why == HoleType.OUT_OF_VIEW.value if len(seen) <= WIDE_CAMERAS else why != HoleType.NONE.value
+                scene = add_layer(scene, found.view, added, OVERLAP)
+            unknown.look(scene.fills[before:])
         begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")
     return scene, seen, unknown.share
 

@@ -117,21 +117,34 @@ def test_a_crack_takes_the_mean_of_both_sides(width: int) -> None:
     """Closed form: a row with one colour on both sides takes it; its depth stays open, and all else is as it was."""
     crack = np.isin(ROWS, range(20, 20 + width)) & (COLUMNS > 10) & (COLUMNS < 50)
     view = ramp_with(crack)
-    closed = close_narrow_holes(view)
+    closed = close_narrow_holes(view, np.full_like(view.depth, 2))
     assert np.abs(closed.color[..., 0].astype(int) - 2 * COLUMNS)[crack].max() <= 4
     assert not closed.color_hole.any() and (closed.depth_hole == crack).all()
     np.testing.assert_array_equal(closed.color[~crack], view.color[~crack])
     np.testing.assert_array_equal(closed.origin[~crack], view.origin[~crack])
 
 
+@pytest.mark.parametrize("filled", [1.0, 2.0])
+def test_a_crack_takes_no_colour_of_an_occluder(filled: float) -> None:
+    """Closed form: a crack between a white object at 1 m and black background at 2 m, filled at 2 m, is black; at 1 m it has
+    some of both, which was measured no farther."""
+    crack, near = (COLUMNS >= 60) & (COLUMNS < 63), COLUMNS < 60
+    color = np.repeat(np.where(near, np.uint8(255), np.uint8(0))[..., None], 3, 2)
+    depth = np.where(near, np.float32(1), np.float32(2))
+    view = View.from_rgbd(RGBD(color, depth, Camera.from_fov(128, 96, 60))).without(crack, HoleType.DISOCCLUDED)
+    closed = close_narrow_holes(view, np.full_like(depth, filled)).color[crack]
+    assert (closed == 0).all() if filled > 1 else (closed > 0).all()
+
+
 def test_wide_holes_stay_and_lose_their_tails() -> None:
     """Law: a square stays open, a tail of 2 px that leads to it does not."""
     square = (np.abs(ROWS - 20) < 8) & (np.abs(COLUMNS - 20) < 8)
     tail = (np.abs(ROWS - 20) < 2) & (COLUMNS >= 28) & (COLUMNS < 50)
-    np.testing.assert_array_equal(close_narrow_holes(ramp_with(square | tail)).color_hole, square)
+    view = ramp_with(square | tail)
+    np.testing.assert_array_equal(close_narrow_holes(view, np.full_like(view.depth, 2)).color_hole, square)
 
 
 def test_a_thin_object_stays_removed() -> None:
     """Law: behind a wire that was removed the picture is painted, not closed from its rims."""
     view = ramp_with(np.abs(ROWS - 20) < 2, HoleType.OBJECT)
-    assert close_narrow_holes(view) is view
+    assert close_narrow_holes(view, np.full_like(view.depth, 2)) is view

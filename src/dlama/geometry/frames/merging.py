@@ -33,6 +33,8 @@ from dlama.geometry.view import View
 
 KEPT, KEPT_PIXELS = 4 * MOST_FRAMES, 5_000_000
 """Layers of which is kept what drawing needs of them, some 30 bytes a pixel, and pixels that they have together at most."""
+UNLIKE = 8.0
+"""Levels beyond which another frame shows what lies behind: none measured the surface in front, which would hide it."""
 Found = TypeVar("Found")
 
 
@@ -161,8 +163,7 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     if unlike.any():
         shown = replace_pixels(own.color, others, canvas.color)
         means = (cv2.blur(each, (7, 7)) for each in (shown, own.color))
-        # beyond 8 levels another frame shows what lies behind: none measured the surface in front, which would hide it
-        unlike &= cv2.absdiff(*means).mean(-1) > 8
+        unlike &= cv2.absdiff(*means).mean(-1) > UNLIKE
     for plane in (*canvas[:4], best):
         plane[slivers | unlike] = 0
     others &= best > 0
