@@ -5,6 +5,7 @@ Oracles: pygltflib, which has the document as it is; trimesh, which reads the te
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -140,3 +141,12 @@ def test_what_is_far_is_drawn_in_along_its_rays() -> None:
     distance = np.linalg.norm(moved, axis=1)
     assert np.allclose(moved / distance[:, None], rays) and (np.diff(distance) > 0).all() and distance.max() < 15
     assert (found.mesh.vertices[far < 9.99] == vertices[far < 9.99]).all()
+
+
+def test_nothing_bleeds_in_at_edges() -> None:
+    """A pixel without a vertex has the colour of the nearest that has one, not the hole's black."""
+    shown = view(WORLD.rgbd(CAMERA), yaw=20, filler="telea").scene.layers[-1]
+    levels = np.where(shown.hole, np.uint8(0), np.uint8(255))
+    white = dataclasses.replace(shown, color=np.stack([levels] * 3, axis=2))
+    part = MeshPart(decimate(white).mesh, decimate(white).pixels, white.color, ~shown.hole)
+    assert (pack_textures((part,))[0] == 255).all()

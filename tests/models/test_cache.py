@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, OutputError
 from dlama.models import records
 from dlama.models.cache import directory, known_size_and_sha256, locate, read_pins, user_path
 from dlama.models.records import CATALOGUE, Record, record
@@ -102,3 +102,15 @@ def test_no_home_is_an_error_of_the_file(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setenv("DLAMA_MODELS", "~nobody-x")
     with pytest.raises(FileError, match="no home folder"):
         directory()
+
+
+def test_pins_that_cannot_be_written(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An OutputError that names the list."""
+
+    def refuse(draft: Path, target: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    toy.write_bytes(b"first")
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(OutputError, match=r"pins\.json: cannot be written"):
+        verify(dataclasses.replace(TOY, sha256=None, bytes=None))
