@@ -134,6 +134,11 @@ def _unlike_frames() -> None:
     _replace("geometry.frames.merging", "UNLIKE", np.inf)
 
 
+def _narrow_occluders() -> None:
+    """Occluders give colours to narrow holes next to them."""
+    _replace("inpainters.layered.filler", "NEARER", np.inf)
+
+
 def _depth_camera() -> None:
     """What depth edges next to the picture's change: their place, halo, softening, solid planes."""
     _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
@@ -257,5 +262,6 @@ RULES: dict[str, Callable[[], None]] = {
     "refined-disparity": _refined_disparity,
     "seen-past": _seen_past,
     "unlike-frames": _unlike_frames,
+    "narrow-occluders": _narrow_occluders,
 }
 """Name -> what turns the rule off."""

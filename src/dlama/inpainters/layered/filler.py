@@ -1,13 +1,13 @@
 """`layered` and `layered-patches`: a view with holes in; depth of continued surfaces, colours of the surfaces, of patches and,
 in the second, of a network, out.
 
-The second is the default for measured depth. Holes a few pixels wide take the colours round them. Each other one begins with
-smooth colours that spread along its own surface; patches of the picture, rather of the same surface, are copied over them.
-Behind removed objects and in dis-occlusions the colours are a mean of these and of what MI-GAN paints in the whole view: each
-errs elsewhere. The network does not see occluders of what is filled next to them, nor the remaining shadow of a removed
-object: a table would extend to where the chair before it was. Behind a removed object patches are copied from any surface, and
-from the network's picture on. Out of a depth camera's view they begin from the mean of surfaces and network, since planes of
-such depth end in the wrong places.
+The second is the default for measured depth. Holes a few pixels wide take the background colours round them. Each other one
+begins with smooth colours that spread along its own surface; patches of the picture, rather of the same surface, are copied
+over them. Behind removed objects and in dis-occlusions the colours are a mean of these and of what MI-GAN paints in the whole
+view: each errs elsewhere. The network does not see occluders of what is filled next to them, nor the remaining shadow of a
+removed object: a table would extend to where the chair before it was. Behind a removed object patches are copied from any
+surface, and from the network's picture on. Out of a depth camera's view they begin from the mean of surfaces and network,
+since planes of such depth end in the wrong places.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.context import FillContext
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.color.low_frequency import blend_with_low_frequency, smooth_guess
-from dlama.inpainters.layered.color.surface_colors import paint_surfaces
+from dlama.inpainters.layered.color.surface_colors import NEARER, paint_surfaces
 from dlama.inpainters.layered.depth.surfaces import Surfaces, continue_lawfully
 from dlama.inpainters.layered.depth_first import Painted, hide_from_painter, paint_in_part
 from dlama.inpainters.networks.migan import migan_filler
@@ -133,7 +133,7 @@ def close_narrow_holes(view: View, depth: Float32Array) -> View:
         return view
     w = inverse_depth(np.where(view.hole, depth, view.depth))
     nearest = cv2.dilate(np.where(narrow, w, np.float32(0)), square(9))
-    known = (~hole & (w <= np.float32(1.1) * nearest)).view(np.uint8) * np.uint8(255)
+    known = (~hole & (w <= NEARER * nearest)).view(np.uint8) * np.uint8(255)
     sums, share = (cv2.GaussianBlur(each, (0, 0), 1.2) for each in (cv2.copyTo(view.color, known), known))
     narrow &= share > 8
     means = sums[narrow] * (np.float32(255) / share[narrow])[:, None]

@@ -31,7 +31,8 @@ BLUR_CELLS = 2.0
 SCREEN = 0.002
 """Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
 NEARER = 1.1
-"""Ratio of inverse depths from which a cell is nearer than what lies on no plane, and gives it no colour."""
+"""Ratio of inverse depths from which what is known is nearer than what is filled, and gives it no colour: in narrow holes, and
+where there is no plane."""
 TRUSTED_PX = 2
 """Least distance from holes and nearer surfaces of pixels that show their surface's own colour."""
 LONGER_SIDE = 256
