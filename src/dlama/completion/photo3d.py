@@ -151,7 +151,8 @@ def complete_box(plan: Plan, scene: Scene, box: HeadBox, clock: Clock) -> tuple[
         unknown = Unknown(scene, box)
     seen: list[CompletedView] = []
     while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
-        camera = unknown.next_camera() if len(seen) >= WIDE_CAMERAS else box.wide(-len(seen))
+        wide = len(seen) < WIDE_CAMERAS
+        camera = box.wide(-len(seen)) if wide else unknown.next_camera()
         found, larger = complete_view(plan, scene, camera, clock)
         before = len(scene.fills)
         seen.append(found)
@@ -159,7 +160,7 @@ def complete_box(plan: Plan, scene: Scene, box: HeadBox, clock: Clock) -> tuple[
             for layer in larger.fills[before:]:
                 why = layer.load().hole_type
                 # of what objects hide, a wide camera sees slivers; the others see more of it
-                added = why == HoleType.OUT_OF_VIEW.value if len(seen) <= WIDE_CAMERAS else why != HoleType.NONE.value
+                added = why == HoleType.OUT_OF_VIEW.value if wide else why != HoleType.NONE.value
                 scene = add_layer(scene, found.view, added, OVERLAP)
             unknown.look(scene.fills[before:])
         begin_stage(f"filled for camera {len(seen)}, {unknown.share:.2%} still unknown")

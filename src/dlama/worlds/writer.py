@@ -87,10 +87,8 @@ def _sequences(
     def frame(camera: Camera, object: bool) -> SequenceFrame:
         seen = world.raycast(camera, object=object)
         step()
-        classes = np.where(seen.group < 0, 2, seen.group == world.object_index).astype(
-            np.uint8
-        )  # by their place in CLASSES
-        return SequenceFrame(seen.frame(camera), classes)
+        classes = np.where(seen.group < 0, 2, seen.group == world.object_index)  # by their place in CLASSES
+        return SequenceFrame(seen.frame(camera), classes.astype(np.uint8))
 
     def orbit(object: bool) -> Iterator[SequenceFrame]:
         return (frame(world.camera(yaw, size), object) for yaw in yaw_order(YAWS))

@@ -28,6 +28,8 @@ LOOKED_AT = 8
 """Search range, in px to either side of a depth edge, of the picture's edge."""
 LINES = 3
 """Step in rows and columns between the scanned lines."""
+LEAST_EDGES = 40
+"""Least number of edges."""
 CLEARLY = 2
 """Least misalignment in px, at its own size, of an enlarged depth map that is more than its coarseness."""
 WIDER = 3
@@ -218,17 +220,17 @@ def edge_uncertainty(view: View) -> int:
 
 
 def edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
-    """As `edge_uncertainty`, of depth (H x W metres) where it is measured or far; 0 of fewer than 40 edges.
+    """As `edge_uncertainty`, of depth (H x W metres) where it is measured or far; 0 of fewer than LEAST_EDGES.
 
     An enlarged depth map is measured at its own size; there a misalignment below CLEARLY pixels comes from its coarseness: 0.
     """
-    if measured.sum() < 40:
+    if measured.sum() < LEAST_EDGES:
         return 0
     grid = MapGrid.of(depth)
     color, (depth, measured, far) = grid.picture(color), map(grid.sample_map, (depth, measured, far))
     w = fill_with_nearest(inverse_depth(np.where(measured, depth, np.float32(0))), measured | far)
     offsets = np.concatenate([edge_offsets(w, color), edge_offsets(w.T, color.transpose(1, 0, 2))])
-    if len(offsets) < 40 or np.median(offsets) == 0:
+    if len(offsets) < LEAST_EDGES or np.median(offsets) == 0:
         return 0
     off = int(np.quantile(offsets, 0.8))
     return off if not grid.enlarged else round(off * grid.largest) * (off >= CLEARLY)

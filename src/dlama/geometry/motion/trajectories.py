@@ -137,9 +137,7 @@ def median_pivot(depth: ArrayLike) -> float:
 
 
 def _rotation(yaw: float, pitch: float) -> Float64Array:
-    """3x3: about y, then about x."""
-    turns = [
-        math.radians(math.remainder(degrees, 360)) for degrees in (yaw, pitch)
-    ]  # a whole turn is none, to the last bit
+    """3x3: about y, then about x; a whole turn is none, to the last bit."""
+    turns = (math.radians(math.remainder(degrees, 360)) for degrees in (yaw, pitch))
     (c, s), (d, t) = ((math.cos(radians), math.sin(radians)) for radians in turns)
     return np.array([[1, 0, 0], [0, d, -t], [0, t, d]]) @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])

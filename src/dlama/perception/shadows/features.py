@@ -27,6 +27,8 @@ LEAST_DEEP = 0.05
 TONES = 5, 10, 25, 50, 75, 90, 95
 """Percentiles of the surface's level."""
 TONE_STEPS = len(TONES) + 2
+ENOUGH_PX = 30
+"""Least pixels of a ring, and of the inside of a region, whose tones are compared."""
 
 
 def cast_interiors(planes: ShadowPlanes) -> list[BoolArray]:
@@ -92,9 +94,9 @@ def tone_steps(planes: ShadowPlanes, region: BoolArray) -> Float32Array:
         return np.zeros(TONE_STEPS, np.float32)
     level = cv2.blur(planes.color.mean(0) * LOG_RANGE, (2, 2))
     ring = dilate_mask(region, 12) & ~dilate_mask(region, 3) & where
-    ring = ring if ring.sum() >= 30 else where
+    ring = ring if ring.sum() >= ENOUGH_PX else where
     inner = erode_square(inside, 5)
-    inner = inner if inner.sum() >= 30 else inside
+    inner = inner if inner.sum() >= ENOUGH_PX else inside
     steps = np.percentile(level[ring], TONES) - np.percentile(level[inner], TONES)
     middle = max(float(steps[TONES.index(50)]), LEAST_DEEP)
     shares = np.clip([steps[TONES.index(90)] / middle, steps.min() / middle], -1, 2)
