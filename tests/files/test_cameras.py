@@ -53,7 +53,7 @@ def saved(path: Path, values: object) -> Path:
 number = st.floats(1e-3, 1e5)
 
 
-@pytest.mark.filterwarnings("ignore:.*(such an|the middle of a picture)")
+@pytest.mark.filterwarnings("ignore:.*(such an|the middle of a picture|not square)")
 @settings(max_examples=40, deadline=None)
 @given(f=st.tuples(number, number), c=st.tuples(st.floats(0, 640), st.floats(0, 480)))
 def test_there_and_back_exactly(tmp_path_factory: pytest.TempPathFactory, f: tuple, c: tuple) -> None:
@@ -373,10 +373,11 @@ def test_the_yaml_of_a_pair(tmp_path: Path, unit: int, recwarn: pytest.WarningsR
         (matrix(35, 320, 240), "looks like a lens in millimetres.*`fx=622.22` of a sensor 36 mm wide"),
         (matrix(1000, 640, 480), "the middle of a picture 2 times as large: give `fx=500`"),
         (matrix(500, -20, 239.5), r"k\.json: the principal point \(-20, 239.5\) lies outside"),
+        (matrix(256, 320, 240, 26), "`fx` is 256 and `fy` 26, so pixels are not square: leave `fy` away"),
     ],
 )
 def test_a_matrix_for_another_size_or_unit_is_warned_of(tmp_path: Path, K: list, words: str) -> None:
-    """Oracle: K of a picture w px wide, over w (normalised), in mm on the sensor, or of twice the size."""
+    """Oracle: K of a picture w px wide, over w (normalised), in mm on the sensor, of twice the size, or with a digit missing."""
     path = saved(tmp_path / "k.json", {"width": 640, "height": 480, "K": K})
     with pytest.warns(UserWarning, match=words):
         read_camera(path)

@@ -68,7 +68,7 @@ def test_one_known_distance_gives_the_factor(inverse: bool, metric: bool) -> Non
 @pytest.mark.parametrize("inverse", [True, False])
 @pytest.mark.parametrize("tilt", [0, 20])
 def test_the_height_of_the_camera_gives_the_factor(inverse: bool, tilt: float) -> None:
-    """Closed form: ground 1.6 m below a camera that looks down by `tilt`, a wall behind it, noise of 1 %."""
+    """Closed form: ground 1.6 m below a camera that looks down by `tilt`, a wall behind it, noise of 1 %; cm are warned of."""
     turn = np.radians(tilt)
     down = rays(CAMERA)[..., 1] * np.cos(turn) + rays(CAMERA)[..., 2] * np.sin(turn)
     ground = np.divide(1.6, down, out=np.full(down.shape, np.inf), where=down > 1e-6)
@@ -78,6 +78,8 @@ def test_the_height_of_the_camera_gives_the_factor(inverse: bool, tilt: float) -
     scale = estimate_scale(values, inverse, False, CAMERA, camera_height=1.6)
     np.testing.assert_allclose(np.median(scale.metres(values, None) / truth), 1, atol=0.03)
     assert scale.about["ground_tilt_deg"] == pytest.approx(tilt, abs=2)
+    with pytest.warns(UserWarning, match=r"camera_height. is 160 m .* centimetres, give .camera_height=1\.6"):
+        estimate_scale(values, inverse, False, CAMERA, camera_height=160)
 
 
 def test_a_wall_is_no_ground() -> None:

@@ -214,7 +214,8 @@ def make_camera(
 ) -> Camera:
     """A Camera from fx, fy, cx, cy as `source` counts pixels; errors name the source.
 
-    Raises CameraError; warns of a principal point outside the picture (crops have it), and of K for another size or unit.
+    Raises CameraError; warns of a principal point outside the picture (crops have it), of K for another size or unit, and
+    of pixels twice as long as wide.
     """
     fx, fy, cx, cy = intrinsics
     K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
@@ -228,7 +229,11 @@ def make_camera(
             "right for a crop, else check `cx` and `cy`"
         )
     for found in check_lens(camera):
-        if found.check in ("intrinsics-size", "focal-length"):  # K of a picture of another size, or as shares of it
+        far_from_square = found.check == "pixel-shape" and not 0.5 <= fx / fy <= 2  # an anamorphic lens has 2
+        if far_from_square or found.check in (
+            "intrinsics-size",
+            "focal-length",
+        ):  # K for another size, or as shares of it
             warn(f"{source}: {found.what}: {found.mend}")
     return camera
 

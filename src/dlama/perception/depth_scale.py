@@ -189,6 +189,11 @@ def fit_scale_to_ground(values: Float32Array, inverse: bool, camera: Camera, cam
         raise InputError(
             "`camera_height` is given and no ground is seen: no plane of the estimated depth lies level; give `metres_at`"
         )
+    if camera_height > 50:  # m
+        warn(
+            f"`camera_height` is {camera_height:g} m above the ground: right for a picture from the air; if these are "
+            f"centimetres, give `camera_height={camera_height / 100:g}`"
+        )
     per_meter = camera_height * float(np.linalg.norm(plane))  # 1 / |plane| is the camera's distance from it
     about = {
         "camera_height_m": camera_height,
