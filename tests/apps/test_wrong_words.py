@@ -183,7 +183,9 @@ def test_black_masks_among_others_are_passed_over(tmp_path: Path) -> None:
     with pytest.raises(MaskError, match=r"black.png: the mask is empty"):
         read_masks({"black": files["black"]})
     Image.fromarray(mask // 255).save(files["black"])
-    with pytest.raises(MaskError, match=r"its largest value is 1; 255 means remove.*`?mask_class=1,1,1`? removes one"):
+    with pytest.raises(
+        MaskError, match=r"its largest value is 1 of 255; 255 means remove.*`?mask_class=1,1,1`? removes one"
+    ):
         read_masks(files)
     np.testing.assert_array_equal(read_mask(files["black"], mask_class="1,1,1"), mask > 0)
     Image.fromarray(mask // 15).save(files["black"])  # label 17

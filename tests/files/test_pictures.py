@@ -257,6 +257,38 @@ def test_mattes_in_floats(tmp_path: Path) -> None:
         read_mask(tmp_path / "picture.exr")
 
 
+@pytest.mark.parametrize("kind", ["bool", "uint8", "int64", "float32"])
+def test_masks_of_numpy(tmp_path: Path, kind: str) -> None:
+    """Oracle: the mask as NumPy saved it, 0 and 1, alone and in an NPZ; 0 and 255; three of Segment Anything are refused."""
+    ones = EXPECTED.astype(kind)
+    np.save(tmp_path / "m.npy", ones)
+    np.savez(tmp_path / "m.npz", mask=ones, score=0.5)
+    np.save(tmp_path / "255.npy", EXPECTED.astype(np.int64) * 255)
+    for name in ("m.npy", "m.npz", "255.npy"):
+        assert np.array_equal(read_mask(tmp_path / name), EXPECTED)
+    np.save(tmp_path / "three.npy", [ones] * 3)
+    with pytest.raises(FileError, match=r"shape \(3, 6, 8\); H x W is expected"):
+        read_mask(tmp_path / "three.npy")
+    (tmp_path / "rle.json").write_text('{"size": [6, 8], "counts": "0"}')
+    with pytest.raises(FileError, match=r"save a mask \(RLE, polygons\) as a black and white PNG"):
+        read_mask(tmp_path / "rle.json")
+
+
+@pytest.mark.parametrize("label", [7, 300, 26001])
+def test_a_label_of_a_map_by_its_number(tmp_path: Path, label: int) -> None:
+    """Oracle: the pixels that OpenCV, and NumPy, wrote with that label; a map that is given as a mask says how."""
+    labels = np.where(EXPECTED, label, 0).astype(np.uint16)
+    labels[0, 0] = 3
+    cv2.imwrite(str(tmp_path / "ids.png"), labels)
+    np.save(tmp_path / "ids.npy", labels.astype(np.int32))
+    for name in ("ids.png", "ids.npy"):
+        assert np.array_equal(read_mask(tmp_path / name, mask_class=str(label)), EXPECTED & (labels == label))
+    with pytest.raises(MaskError, match=rf"no pixel shows class 9 \(9\); found: 0 3 {label}"):
+        read_mask(tmp_path / "ids.png", mask_class="9")
+    with pytest.raises(MaskError, match=r"of a map of labels mask_class=NUMBER removes one"):
+        read_mask(tmp_path / "ids.png")
+
+
 def test_mask_class_by_name_and_by_color(tmp_path: Path) -> None:
     semantic = np.zeros((4, 5, 3), np.uint8)
     semantic[1, 2:4] = (255, 0, 0)

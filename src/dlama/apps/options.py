@@ -30,7 +30,7 @@ def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
 
 
 DEPTH_ONLY = (".exr", ".pfm", ".npy", ".npz", ".pcd")
-"""Endings of depth files that no mask has."""
+"""Endings of a file that is the depth where it alone follows the picture."""
 Metres = Annotated[float | None, option("METRES")]
 CameraFile = Annotated[Path | None, option("FILE.json")]
 Image = Annotated[Path, option("IMAGE", None)]

@@ -111,8 +111,8 @@ class Masking:
     """What white means: fill = remove it, known = keep it."""
     soft_mask: bool = option("", "off", False)
     """Take a grey mask; values above 127 count as white."""
-    mask_class: str | None = option("NAME|R,G,B")
-    """The mask is an EasySynth semantic picture: remove this class. Names stand in SemanticClasses.csv next to it."""
+    mask_class: str | None = option("NAME|R,G,B|N")
+    """The mask is an EasySynth semantic picture or a map of labels: remove this class. Names stand in SemanticClasses.csv."""
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,9 @@ def read_npy(stream: IO[bytes], held: int, where: PathLike) -> np.ndarray:
 
 
 def plane_of(file: Path, array: np.ndarray) -> np.ndarray:
-    """The numbers of a file as H x W, contiguous and in the byte order of this machine. FileError."""
+    """The numbers of a file as H x W, contiguous and in the byte order of this machine; False is 0, True 1. FileError."""
+    if array.dtype == np.bool_:
+        array = array.astype(np.uint8)
     if array.dtype.kind not in "uif":
         raise FileError(f"{file}: holds {array.dtype} values; numbers are expected")
     if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):

@@ -52,6 +52,7 @@ OF_OTHER_VERBS = {
     ),
     **dict.fromkeys((".ply", ".glb"), f"the scene.npz of the result {TAKE_SCENES}"),
     ".npz": f"a scene {TAKE_SCENES}",
+    ".json": "a JSON is no picture: save a mask (RLE, polygons) as a black and white PNG, or as NPY",
     ".pcd": "an organised cloud is depth: it goes behind its picture",
 }
 """Endings of files that other verbs take -> which these are."""

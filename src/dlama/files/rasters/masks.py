@@ -14,8 +14,9 @@ from PIL import Image
 from dlama.arguments import check_arguments
 from dlama.errors import FileError, MaskError, system_errors, warn
 from dlama.files.rasters.exr_files import read_exr
-from dlama.files.rasters.images import SUFFIXES, read_stored
-from dlama.files.rasters.pictures import read_classes, save_picture
+from dlama.files.rasters.float_files import read_array
+from dlama.files.rasters.images import read_stored
+from dlama.files.rasters.pictures import eight_bit_rgb, save_picture
 from dlama.files.semantic_classes import class_color
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.writing.atomic_write import PathLike
@@ -34,12 +35,12 @@ def read_mask(
     """A mask as bool H x W, True = remove / fill.
 
     Args:
-        path: Black and white PNG, JPEG, WebP or TIFF; values <= 8 and >= 247 count as 0 and 255. In EXR and float TIFF 1 is
-            white. Where pixels are transparent, alpha is the mask, which a warning says; of EXR it is always.
+        path: Black and white PNG, JPEG, WebP or TIFF; values <= 8 and >= 247 count as 0 and 255. In EXR, float TIFF and NPY
+            1 is white. Where pixels are transparent, alpha is the mask, which a warning says; of EXR it is always.
         mask_polarity: "fill": white (255) is removed; "known": white stays.
         soft_mask: Take a grey mask, values above 127 as white; else values between are refused.
-        mask_class: The picture is an EasySynth semantic one, or a map of labels; take the pixels of this class: "R,G,B", or a
-            name that stands in SemanticClasses.csv next to the picture or up to three folders above.
+        mask_class: The picture is an EasySynth semantic one, or a map of labels; take the pixels of this class: "R,G,B", the
+            number of a label, or a name that stands in SemanticClasses.csv next to the picture or up to three folders above.
 
     Raises:
         FileError: the file is missing or damaged.
@@ -61,7 +62,7 @@ def read_mask(
     if not mask.any():
         hint = ""
         if 0 < largest <= HIGHEST_BLACK:
-            hint = f" (its largest value is {largest}; 255 means remove{_hint_at_labels(path, largest)})"
+            hint = f" (its largest value is {largest} of 255; 255 means remove{_hint_at_labels(path, largest)})"
         kind = MaskError if hint else EmptyMaskError
         raise kind(f"{path}: the mask is empty, nothing is to be removed{hint}; see `mask_polarity`")
     if mask.all():
@@ -102,14 +103,16 @@ def _grey(path: PathLike) -> UInt8Array:
 
 
 def _eight_bits(path: PathLike) -> UInt8Array:
-    """The values of a mask file, H x W or H x W x C: of 16 bits the upper eight, unless none is above 255; of floats 0..1 as
-    0..255."""
+    """The values of a mask file, H x W or H x W x C: of 16 bits the upper eight, unless none is above 255; of floats, and of an
+    array of whole numbers up to 1, 0..1 as 0..255."""
     if Path(path).suffix.lower() == ".exr":
         values: np.ndarray = read_exr(path, what="matte")
         if values.min() == values.max() == 1:
             values = read_exr(path, what="opaque matte")
     else:
-        values = read_stored(path).values
+        values = _numbers(path)
+        if _is_array(path) and values.dtype.kind in "iu" and 0 <= values.min() <= values.max() <= 255:
+            values = values.astype(np.uint8) * np.uint8(255 if values.max() == 1 else 1)
     if values.dtype == np.uint16:
         values = (values >> 8 if values.max() > 255 else values).astype(np.uint8)
     if values.dtype.kind == "f":
@@ -135,6 +138,15 @@ def _check_alpha(path: PathLike, alpha: UInt8Array, values: UInt8Array) -> UInt8
     return np.ascontiguousarray(alpha)
 
 
+def _numbers(path: PathLike) -> np.ndarray:
+    """What a file other than EXR holds, as stored."""
+    return read_array(path, "mask") if _is_array(path) else read_stored(path).values
+
+
+def _is_array(path: PathLike) -> bool:
+    return Path(path).suffix.lower() in (".npy", ".npz")
+
+
 def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
     if soft_mask:
         return grey > 127
@@ -145,6 +157,7 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
         hint = _hint_at_labels(path, found[-1]) if found.size <= 6 else ""
         if _is_deep(path):
             hint = " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given, or given before it?)"
+            hint += _hint_at_labels(path, found[-1])
         raise MaskError(
             f"{path}: {between.size} of {grey.size} pixels are neither black nor white (values {shown}); "
             f"0 and 255 are expected, or `soft_mask`, which takes values above 127 as white{hint}"
@@ -154,22 +167,26 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
 
 def _is_deep(path: PathLike) -> bool:
     """Whether a mask file holds 16-bit numbers."""
-    return Path(path).suffix.lower() in SUFFIXES and read_stored(path).values.dtype == np.uint16
+    return Path(path).suffix.lower() != ".exr" and _numbers(path).dtype == np.uint16
 
 
 def _hint_at_labels(path: PathLike, value: int) -> str:
     """What removes the pixels of one value of a map of labels, as segmenters write them."""
-    return "" if _is_deep(path) else f"; of a map of labels `mask_class={value},{value},{value}` removes one"
+    label = "NUMBER" if _is_deep(path) else f"{value},{value},{value}"
+    return f"; of a map of labels `mask_class={label}` removes one"
 
 
 def _class_mask(path: PathLike, mask_class: str) -> BoolArray:
-    """Where a semantic picture shows exactly the colour of one class."""
-    picture = read_classes(path)
-    class_rgb = class_color(mask_class, path)
-    mask = (picture == np.array(class_rgb, np.uint8)).all(axis=2)
+    """Where a semantic picture shows exactly the colour of one class, or a map of labels has its number."""
+    values = _numbers(path)
+    if values.ndim == 2 and mask_class.isdecimal():
+        picture, wanted = values[..., None], [int(mask_class)]
+    else:
+        picture, wanted = eight_bit_rgb(values, path), list(class_color(mask_class, path))
+    mask = (picture == np.array(wanted)).all(axis=2)
     if not mask.any():
-        found = np.unique(picture.reshape(-1, 3), axis=0)
+        found = np.unique(picture.reshape(-1, len(wanted)), axis=0)
         shown = " ".join(",".join(map(str, color)) for color in found[:8]) + (" ..." if len(found) > 8 else "")
-        rgb = ",".join(map(str, class_rgb))
+        rgb = ",".join(map(str, wanted))
         raise EmptyMaskError(f"{path}: no pixel shows class {mask_class} ({rgb}); found: {shown}")
     return mask
