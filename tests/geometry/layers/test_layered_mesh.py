@@ -84,6 +84,8 @@ def test_few_triangles_where_few_are_asked_for(photo: Photo3D) -> None:
     """Coarser, but no more than that."""
     few = mesh_layers(photo.scene, photo.box, 1000)
     assert 0 < sum(len(part.mesh.triangles) for part in few) <= 1000
+    *source, backdrop, soft = mesh_layers(photo.scene, photo.box, 100)  # the backdrop alone has more: this had no end
+    assert sum(len(part.mesh.triangles) for part in (*source, soft)) <= 50 < 100 < len(backdrop.mesh.triangles)
 
 
 def test_the_sky_is_a_sphere() -> None:

@@ -77,6 +77,7 @@ def mesh_layers(scene: Scene, box: HeadBox, most_triangles: int) -> list[MeshPar
 
     own = fit_triangles(lambda n, share: (sheet.mesh(share) for sheet in sheets(n)), step, shares, most_triangles / 2)
     rest = most_triangles - sum(len(part.mesh.triangles) for part in own)
+    rest = max(rest, len(backdrop.mesh.triangles))  # which no step makes fewer: without fills it fits
     return [*own[:-1], *fit_triangles(fills, 2 * step, shares[1:], rest), own[-1]]
 
 
