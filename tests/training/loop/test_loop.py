@@ -244,6 +244,10 @@ def test_what_is_refused_leaves_no_run(tmp_path):
     """Oracle: law; after a wrong --data the same directory takes the right command."""
     with pytest.raises(InputError, match="no such folder"):
         train(toy(steps=1), tmp_path / "run", data=[tmp_path / "gone"])
+    for minutes in (0, -1, math.nan):
+        with pytest.raises(InputError, match=r"max_minutes is .*; more than 0 is expected"):
+            train(toy(steps=1), tmp_path / "run", max_minutes=minutes)
+    assert not list(tmp_path.iterdir())
     assert train(toy(steps=1), tmp_path / "run").step == 1
 
 

@@ -123,8 +123,12 @@ def read_data(run: Path) -> list[Path]:
 
 @contextmanager
 def log_to_file(run: Path) -> Iterator[None]:
-    """While it is open, what the training logs is also written to the run's log.txt; a full disk does not end a run."""
+    """While it is open, what the training logs is also written to the run's log.txt; a full disk does not end a run.
+
+    A run that is refused before its settings are written leaves neither the file nor an empty folder.
+    """
     path = run / LOG_FILE
+    made = not path.exists()
     with writing(path):
         path.touch()
 
@@ -132,8 +136,14 @@ def log_to_file(run: Path) -> Iterator[None]:
         with suppress(OSError), path.open("a", encoding="utf-8") as stream:
             stream.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {message}\n")
 
-    with log_messages(write):
-        yield
+    try:
+        with log_messages(write):
+            yield
+    finally:
+        if made and not (run / SETTINGS).exists():
+            with suppress(OSError):  # the folder holds other files
+                path.unlink()
+                run.rmdir()
 
 
 def refuse_changes(before: TrainSettings, now: TrainSettings) -> None:

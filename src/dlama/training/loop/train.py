@@ -93,6 +93,8 @@ def train(
     """
     began = time.monotonic()
     _refuse_worker()
+    if max_minutes is not None and not max_minutes > 0:
+        raise InputError(f"`max_minutes` is {max_minutes}; more than 0 is expected")
     first = getattr(rank_zero_only, "rank", 0) == 0
     deadline = math.inf if max_minutes is None else began + 60 * max_minutes
     with ExitStack() as stack:

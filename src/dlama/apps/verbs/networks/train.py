@@ -69,8 +69,6 @@ def train(
         return
     if output is None:
         raise InputError("no directory of the run is given: give -o DIR")
-    if max_minutes is not None and not max_minutes > 0:
-        raise InputError(f"`max_minutes` is {max_minutes}; more than 0 is expected")
     check_folder_apart(
         output, {f"data {path}": path for path in data} | {"settings": settings, "start": replaced.start}
     )
