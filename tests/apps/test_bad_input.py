@@ -35,7 +35,7 @@ def test_many_pictures_in_place_of_one(
     frame: Path, capsys: pytest.CaptureFixture[str], verb: str, of_data_set: bool
 ) -> None:
     """The line names what takes a folder. Oracle: `dlama batch` as the line has it finds the pictures."""
-    folder = frame / "many"
+    folder = frame / "many pictures"
     write_numbered(folder)
     if of_data_set:
         (folder / "camera-intrinsics.txt").write_text(text_K(LENS))
@@ -90,7 +90,7 @@ def test_a_result_in_place_of_a_picture(frame: Path, capsys: pytest.CaptureFixtu
 
 def test_a_list_of_cameras_in_place_of_one(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The line names what takes a list. Oracle: `dlama sequence` as the line has it makes a view of each camera."""
-    cameras = frame / "cameras.json"
+    cameras = frame / "my cameras.json"
     cameras.write_text(json.dumps([CAMERA, CAMERA]))
     line = refused(capsys, frame, "view", *PICTURE, "--fov", 60, "--to", cameras)
     assert f"{cameras}: holds a list of 2 cameras, one camera is expected" in line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import statistics
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
@@ -114,7 +115,8 @@ def refuse_many(verb: str, image: Path | str | None) -> None:
             raise
         pictures = files_in(place, SUFFIXES) if verb not in ("mask", "stereo") else []
         which = [
-            f"`dlama batch --images '{place}/*{one.suffix}' --verb {verb}` takes all in it" for one in pictures[:1]
+            f"`dlama batch --images {shlex.quote(f'{place}/*{one.suffix}')} --verb {verb}` takes all in it"
+            for one in pictures[:1]
         ]
         raise InputError("; ".join([f"{place}: is a folder, {expected}", *which])) from None
     raise InputError(
@@ -128,7 +130,7 @@ def takers_of(place: Path, layout: str, verb: str) -> Iterator[str]:
     if not of_pairs and verb not in ("depth", "mask"):
         yield "`dlama sequence` and `dlama video` take its frames as one scene"
     if verb != "mask" and of_pairs >= (verb == "stereo"):
-        yield f"`dlama batch --data {place} --verb {'stereo' if of_pairs else verb}` takes each by itself"
+        yield f"`dlama batch --data {shlex.quote(str(place))} --verb {'stereo' if of_pairs else verb}` takes each by itself"
 
 
 def summary_line(meta: Mapping[str, Any], place: object, seconds: float) -> str:

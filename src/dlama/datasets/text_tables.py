@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -193,7 +194,8 @@ def check_folder(root: Path) -> None:
         what = "is a video without poses and depth"
         such = ", such as the dense workspace that COLMAP makes of its pictures"
     elif root.exists() and root.suffix.lower() in SUFFIXES:
-        what, such = "is a picture", f"; `dlama photo3d {root} [DEPTH] --only scene -o DIR` makes a scene.npz of one"
+        quoted = shlex.quote(str(root))
+        what, such = "is a picture", f"; `dlama photo3d {quoted} [DEPTH] --only scene -o DIR` makes a scene.npz of one"
     raise FileError(f"{root}: {what}; the folder of a data set is expected{such}")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -68,9 +69,10 @@ def read_camera_fields(path: PathLike) -> FileFields:
         return read_yaml_fields(path)
     found = json_value(path, json_text(path))
     if isinstance(found, list):
+        quoted = shlex.quote(str(path))
         raise FileError(
-            f"{path}: holds a list of {len(found)} cameras, one camera is expected; `dlama sequence SCENE --views {path}` and "
-            f"`dlama video SCENE --path {path}` take a list (SCENE: the folder of a data set, or a scene.npz)"
+            f"{path}: holds a list of {len(found)} cameras, one camera is expected; `dlama sequence SCENE --views {quoted}` and "
+            f"`dlama video SCENE --path {quoted}` take a list (SCENE: the folder of a data set, or a scene.npz)"
         )
     fields, view = fields_of(path, found), dict[str, Any]()
     if "intrinsic" in fields and "extrinsic" in fields:  # of Open3D's window: a lens, and world to camera
