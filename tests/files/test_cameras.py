@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from dlama.datasets.stereo_folder import stereo_folder
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.cameras import camera_as_json, camera_for, read_camera, read_cameras, read_stereo_calib, write_camera
 from dlama.files.results.meta_json import describe_source
@@ -265,7 +266,7 @@ distortion_coefficients:
         (CALIB, "ndisp=70", "baseline=193.001", "field 'baseline' is given twice"),
         (CALIB, "baseline=193.001", "baseline=1e-300", "baseline is 1e-303 m; a distance of 1e-06 to 1e"),
         (ROS, "camera_matrix:", "matrix:", "camera_matrix has 0 numbers; 9 are expected"),
-        (ROS, "[500.5, 0.0", "[oops, 0.0", "cannot be read; the YAML of a camera is expected, as ROS"),
+        (ROS, "[500.5, 0.0", "[oops, 0.0", "cannot be read; the YAML or XML of a camera is expected, as ROS"),
         (ROS, "[500.5, 0.0", "[500.5", "camera_matrix has 8 numbers"),
         (ROS, "[500.5, 0.0", "[500.5, 1.0", "no skew"),
         (ROS, "image_width: 640", "image_width: 641", "the camera is 641x480 and the picture 640x480"),
@@ -290,6 +291,21 @@ def test_stereo_json_completes_itself(tmp_path: Path, missing: tuple[str, ...]) 
         assert (rig.doffs, rig.baseline_m) == (4, 0.12)
 
 
+def test_the_calib_json_of_a_stereo_folder(tmp_path: Path) -> None:
+    """Oracle: the rig with which the folder's layout reads it; of the camera of one picture the line says what a pair has."""
+    for name in ("left", "right"):
+        Image.new("RGB", (320, 240)).save(tmp_path / f"{name}.png")
+    np.savez(tmp_path / "disparity.npz", disparity=np.full((240, 320), 9, np.float32))
+    path, change = tmp_path / "calib.json", {"left_K": ..., "right_K": ..., "K": matrix(300, 160, 120)}
+    for doffs in (4.0, ...):
+        saved(path, changed(STEREO, {**change, "pixel_center": ..., "doffs": doffs}))
+        rig = read_stereo_calib(path, hw=(240, 320))
+        expected = stereo_folder(tmp_path).cases[0].load().rig
+        assert rig.left.same_view_as(expected.left) and rig.right.same_view_as(expected.right)
+    with pytest.raises(CameraError, match=r"'left_K' is missing; left_K, right_K or doffs, and baseline_m of a pair"):
+        read_stereo_calib(saved(tmp_path / "camera.json", PLAIN))
+
+
 def test_camera_from_flags_or_a_file(tmp_path: Path) -> None:
     """Oracle: f = w / 2 / tan(fov / 2); EasySynth's 512 pixels at 90 degrees have f = 256."""
     path = saved(tmp_path / "c.json", {**PLAIN, "world_from_cam": TURN.tolist()})
@@ -303,15 +319,20 @@ def test_camera_from_flags_or_a_file(tmp_path: Path) -> None:
     assert (camera.fy, camera.cx, camera.cy) == (505, 320, 238.5)
 
 
-def test_the_yaml_of_ros_and_of_opencv(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["yml", "xml"])
+def test_the_yaml_of_ros_and_what_opencv_writes(tmp_path: Path, kind: str) -> None:
     """Oracles: the numbers of camera_info, whose first pixel has its centre at 0; what cv2.FileStorage itself writes."""
     camera = read_camera(saved(tmp_path / "info.yaml", ROS), hw=(480, 640))
     assert (camera.wh, camera.fx, camera.fy, camera.cx, camera.cy) == ((640, 480), 500.5, 501, 320, 240)
-    written = cv2.FileStorage(str(tmp_path / "cv.yml"), cv2.FILE_STORAGE_WRITE)
+    written = cv2.FileStorage(str(tmp_path / f"cv.{kind}"), cv2.FILE_STORAGE_WRITE)
     written.write("camera_matrix", np.array([[500.5, 0, 319.5], [0, 501.0, 239.5], [0, 0, 1]]))
     written.write("distortion_coefficients", np.zeros((1, 5)))
     written.release()
-    assert read_camera(tmp_path / "cv.yml", hw=(480, 640)).same_view_as(camera)
+    assert read_camera(tmp_path / f"cv.{kind}", hw=(480, 640)).same_view_as(camera)
+    text = (tmp_path / f"cv.{kind}").read_text().replace("camera_matrix", "Camera_Matrix")  # as Metashape calls it
+    assert read_camera(saved(tmp_path / f"m.{kind}", text), hw=(480, 640)).same_view_as(camera)
+    with pytest.raises(FileError, match=rf"bad\.{kind}: cannot be read; the YAML or XML of a camera is expected"):
+        read_camera(saved(tmp_path / f"bad.{kind}", text.replace("500.5", "many")))
 
 
 NUMBERS = {"d": [0.0] * 5, "k": [500.5, 0.0, 319.5, 0.0, 501.0, 239.5, 0.0, 0.0, 1.0], "r": [1.0, 0.0]}

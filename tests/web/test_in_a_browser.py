@@ -409,7 +409,7 @@ def test_bad_files_are_reported_next_to_their_field(pages: Pages, frame: Path, t
     playwright.expect(page.get_by_text("camera.json: is empty (0 bytes)")).to_be_visible()
     playwright.expect(page.locator('#uploads [data-role="picture"]')).to_contain_text("image.png")
     page.get_by_role("button", name="Start over").click()
-    (tmp_path / "calib.json").write_text('{"K": 3}')
+    (tmp_path / "calib.json").write_text('{"k": 3}')
     page.set_input_files("#files", [frame / "image.png", tmp_path / "calib.json"])
     playwright.expect(page.locator('[data-error="right"]')).to_contain_text(
         "the right picture of the stereo pair is expected"

@@ -1,5 +1,5 @@
-"""The YAML of ROS (camera_info: a calibration file or a printed message) or of OpenCV in; the fields of a camera file, or of a
-pair's, out."""
+"""The YAML of ROS (camera_info: a calibration file or a printed message), or the YAML or XML of OpenCV, in; the fields of a
+camera file, or of a pair's, out."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from dlama.files.fields import FileFields
 from dlama.files.rasters.images import existing_file
 from dlama.writing.atomic_write import PathLike
 
-SUFFIXES = (".yaml", ".yml")
-MATRIX, DISTORTION = ("camera_matrix", "K", "k"), ("distortion_coefficients", "D", "d")
-PROJECTION, WIDTH, HEIGHT = ("projection_matrix", "P", "p"), ("image_width", "width"), ("image_height", "height")
-"""Names of the fields: of calibration files; of a message that `rostopic echo` or `ros2 topic echo` prints."""
+SUFFIXES = (".yaml", ".yml", ".xml")
+MATRIX = ("camera_matrix", "K", "k", "Camera_Matrix")
+DISTORTION = ("distortion_coefficients", "D", "d", "Distortion_Coefficients")
+PROJECTION = ("projection_matrix", "P", "p")
+WIDTH, HEIGHT = ("image_width", "width", "image_Width"), ("image_height", "height", "image_Height")
+"""Names of the fields: of calibration files; of a message that `rostopic echo` or `ros2 topic echo` prints; of Metashape."""
 BLOCK_LIST = re.compile(r"^(\w+):[ ]*\n((?:[ ]*- [^\n]*\n)+)", re.MULTILINE)
 """A list with one number a line, as ROS 2 prints it and OpenCV does not read it."""
 
@@ -28,9 +30,7 @@ def read_yaml_fields(path: PathLike) -> FileFields:
 
     Raises FileError, CameraError; warns of a distortion, which no camera here has.
     """
-    expected = (
-        "the YAML of a camera is expected, as ROS (camera_info) and OpenCV write it: camera_matrix, image_width, ..."
-    )
+    expected = "the YAML or XML of a camera is expected, as ROS and OpenCV write it: camera_matrix, image_width, ..."
     matrix, distortion, projection, *size = _read_numbers(path, expected, MATRIX, DISTORTION, PROJECTION, WIDTH, HEIGHT)
     if len(matrix) != 9:
         raise CameraError(f"{path}: camera_matrix has {len(matrix)} numbers; 9 are expected; {expected}")
@@ -52,9 +52,7 @@ def read_yaml_pair(path: PathLike) -> FileFields:
 
     Of ROS the right camera's file, whose projection_matrix has the baseline; of OpenCV P1 and P2. Raises FileError, CameraError.
     """
-    expected = (
-        "the YAML of a rectified pair is expected: ROS's right camera (projection_matrix), or P1 and P2 of OpenCV"
-    )
+    expected = "the YAML or XML of a rectified pair is expected: ROS's right camera (projection_matrix), or P1 and P2 of OpenCV"
     of_ros, first, second, *size = _read_numbers(path, expected, PROJECTION, ("P1",), ("P2",), WIDTH, HEIGHT)
     left, right = (of_ros, of_ros) if of_ros else (first, second)
     if len(left) != 12 or len(right) != 12:
@@ -71,9 +69,12 @@ def _read_numbers(path: PathLike, expected: str, *fields: Sequence[str]) -> list
     file = existing_file(path)
     with any_error(FileError, f"{file}: cannot be read; {expected}"):
         text = file.read_bytes()[: 2**20].decode("utf-8-sig")
-        body = BLOCK_LIST.sub(_as_flow_list, _first_document(text))
-        modes = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
-        storage = cv2.FileStorage(f"%YAML:1.0\n---\n{body}\n", modes)  # OpenCV's head, which ROS leaves away
+        kind = cv2.FILE_STORAGE_FORMAT_XML
+        if file.suffix.lower() != ".xml":
+            body = BLOCK_LIST.sub(_as_flow_list, _first_document(text))
+            text = f"%YAML:1.0\n---\n{body}\n"  # OpenCV's head, which ROS leaves away
+            kind = cv2.FILE_STORAGE_FORMAT_YAML
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | kind)
         return [next(filter(None, (_numbers(storage.getNode(name)) for name in names)), []) for names in fields]
 
 

@@ -24,7 +24,7 @@ from dlama.files.fields import (
     json_text,
     json_value,
     read_calib_txt,
-    read_json_fields,
+    read_json_pair,
 )
 from dlama.files.rasters.images import read_stored
 from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
@@ -47,8 +47,8 @@ PAIR_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "widt
 
 @system_errors(FileError)
 def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
-    """A camera from our JSON or Open3D's, the left one of a calib.txt of Middlebury or KITTI, the YAML of ROS or OpenCV, or a
-    text of K alone (3x3, 4x4, or fx fy cx cy; the first pixel's centre at 0.0).
+    """A camera from our JSON or Open3D's, the left one of a calib.txt of Middlebury or KITTI, the YAML of ROS or OpenCV
+    (or its XML), or a text of K alone (3x3, 4x4, or fx fy cx cy; the first pixel's centre at 0.0).
 
     JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3); optional `pixel_center` (where the file puts the first
     pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture has; another in the file
@@ -122,8 +122,9 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
     """A rectified pair from a calib.txt of Middlebury or KITTI, from JSON or YAML; the left camera is the world.
 
     calib.txt: `cam0`, `cam1`, `baseline` in mm, `doffs`, or KITTI's `P2`, `P3`; first pixel's centre at 0.0. JSON: `left_K`,
-    `right_K`, `baseline_m`, `doffs`, `pixel_center` (default 0.5), `width`, `height`. YAML: the right camera's of ROS
-    (`projection_matrix`), or `P1` and `P2` of OpenCV's stereoRectify. Of the right K and doffs (px, cx of the
+    `right_K`, `baseline_m`, `doffs`, `pixel_center` (default 0.5), `width`, `height`; or `K` in place of the first two, as in
+    a stereo folder (`doffs` and `pixel_center` 0 by default). YAML: the right camera's of ROS (`projection_matrix`), or `P1`
+    and `P2` of OpenCV's stereoRectify, also in XML. Of the right K and doffs (px, cx of the
     right minus cx of the left) one may be left out; where both are given they must agree within 0.01 px. A file without a size
     takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture.
     """
@@ -134,7 +135,7 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
         lenses = _left_and_right(fields, "cam0", "cam1")
         baseline = fields.number("baseline") / 1000
     else:
-        fields = read_yaml_pair(path) if suffix in SUFFIXES else read_json_fields(path)
+        fields = read_yaml_pair(path) if suffix in SUFFIXES else read_json_pair(path)
         lenses = _left_and_right(fields, "left_K", "right_K")
         baseline = fields.number("baseline_m")
     rig = make_rig(path, fields.size(hw), lenses, fields.pixel_center(0.5), baseline)

@@ -144,6 +144,19 @@ def read_json_fields(path: PathLike) -> FileFields:
     return json_fields(path, json_text(path))
 
 
+def read_json_pair(path: PathLike) -> FileFields:
+    """The fields of the JSON of a pair: left_K, right_K, baseline_m, ...; of the calib.json of a stereo folder K is left_K, doffs
+    and pixel_center are 0 unless it has them. Raises FileError, CameraError."""
+    fields = read_json_fields(path)
+    if "left_K" in fields:
+        return fields
+    has = dict(fields.values)
+    if "right_K" in has or "K" not in has:
+        expected = "left_K, right_K or doffs, and baseline_m of a pair are expected"
+        raise CameraError(f"{path}: field 'left_K' is missing; {expected}; it has {', '.join(has) or 'none'}")
+    return FileFields(path, {"left_K": has.pop("K"), "doffs": 0.0, "pixel_center": 0.0, **has})
+
+
 def json_text(path: PathLike) -> str:
     """The text of a JSON file; raises FileError where it is not there, or no UTF-8."""
     file = existing_file(path)

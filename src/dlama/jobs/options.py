@@ -48,7 +48,7 @@ class Lens:
 
     camera: Path | None = option("FILE.json", "--fx, --fov, or the EXIF data of the picture")
     """width, height, fx, fy, cx, cy, pixel_center and (optional) world_from_cam; or a calib.txt, a text of K
-    alone, or the YAML of ROS or OpenCV."""
+    alone, or the YAML of ROS or OpenCV, or its XML."""
     fx: float | None = option("PX")
     """Horizontal focal length in pixels: that of the lens / width of the sensor (both in mm) x width of the picture."""
     fy: float | None = option("PX", "as --fx")

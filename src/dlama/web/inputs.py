@@ -23,9 +23,9 @@ from dlama.web.form import read_form
 ROLES: dict[str, tuple[str, ...]] = {
     "picture": SUFFIXES,
     "depth": (".png", ".tif", ".tiff", ".pgm", ".exr", ".pfm", ".npy", ".npz", ".pcd"),
-    "camera": (".json", ".txt", ".yaml", ".yml"),
+    "camera": (".json", ".txt", ".yaml", ".yml", ".xml"),
     "right": SUFFIXES,
-    "calib": (".txt", ".json", ".yaml", ".yml"),
+    "calib": (".txt", ".json", ".yaml", ".yml", ".xml"),
 }
 """What a visitor can hand in -> the endings its file may have."""
 LONGEST_NAME = 80

@@ -109,7 +109,7 @@ def stereo(
         left: The left picture.
         right: The right picture, rectified: same size, same rows.
         calib: calib.txt of Middlebury or KITTI, JSON with left_K, right_K, baseline_m, doffs, pixel_center, or YAML: that of
-            ROS's right camera, or OpenCV's P1 and P2.
+            ROS's right camera, or OpenCV's P1 and P2 (also as XML).
         output: Directory for the results, made if need be: the left view at the top, the right one in right/; with
             --yaw and the like the view from there alone.
         mask: The object in the left picture: black and white, 255 = remove; --click or --box say it in place of that file.

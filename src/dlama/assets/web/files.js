@@ -1,8 +1,8 @@
 // Files that were dropped in; which of them is the picture, its depth, its camera, or the other one of a pair, out.
 const ending = (name) => (name.match(/\.[^.]+$/)?.[0] ?? "").toLowerCase();
 const NUMBERS_ONLY = [".exr", ".pfm", ".npy", ".npz", ".pcd"];
-const TEXTS = [".txt", ".json", ".yaml", ".yml"];
-const TAKEN = "PNG, JPEG, WebP, TIFF, HEIC; EXR, PFM, NPY, NPZ; JSON, YAML, TXT";
+const TEXTS = [".txt", ".json", ".yaml", ".yml", ".xml"];
+const TAKEN = "PNG, JPEG, WebP, TIFF, HEIC; EXR, PFM, NPY, NPZ; JSON, YAML, XML, TXT";
 // Of several texts, those that are called so.
 const isNamed = (file) => TEXTS.includes(ending(file.name)) && /calib|camera|stereo/i.test(file.name);
 
