@@ -15,7 +15,7 @@ from dlama.jobs.on_ray import RayWorkers
 from dlama.jobs.perform import Task, died_row, work
 from dlama.jobs.results.manifest import Manifest
 from dlama.jobs.results.result import JobResult
-from dlama.jobs.results.tar_shards import STAGED, Packer
+from dlama.jobs.results.tar_shards import STAGED, Packer, is_shard
 from dlama.jobs.storage import Output, local_path
 from dlama.workers.pool import TRIES, Pool, TaskEnd
 from dlama.writing.drafts import remove_abandoned
@@ -51,7 +51,7 @@ def run_jobs(
     _remove_drafts(settings.output)
     with Manifest(settings.output, source if can_be_read_twice else ()) as manifest:
         total = manifest.planned if can_be_read_twice else None
-        packer = None if settings.pack is None else Packer(settings.output, manifest, settings.pack)
+        packer = Packer(settings.output, manifest, settings.pack)
         workers = start()
         try:
             yield from _Run(iter(source), settings, manifest, packer, workers, total).results()
@@ -79,7 +79,7 @@ class _Run:
     """Those that are not begun."""
     settings: Settings
     manifest: Manifest
-    packer: Packer | None
+    packer: Packer
     workers: Workers
     total: int | None
     more: bool = True
@@ -106,8 +106,7 @@ class _Run:
                     self.under_way -= 1
                     self.end(ended)
                 yield from self.ready_results()
-        if self.packer is not None:
-            self.packer.pack()
+        self.packer.pack()
 
     def is_going(self) -> bool:
         """Whether a job is left, or has not ended."""
@@ -140,7 +139,7 @@ class _Run:
             self.manifest.plan(number, job)
         kept = self.manifest.find_done(job) if self.settings.resume and not job.error else None
         if kept is None and not job.error:
-            return Task(job, self.settings.output, STAGED if self.packer else "", number=number)
+            return Task(job, self.settings.output, STAGED if self.settings.pack else "", number=number)
         self.add(number, kept or work(Task(job, self.settings.output)))
         return None
 
@@ -160,12 +159,12 @@ class _Run:
         """Enter a result; OutputError where nothing can be written any more."""
         if not row.kept:
             before = self.manifest.find(row.id)
-            if self.packer is not None and before is not None:
+            if before is not None:
                 staged = before.folder.startswith(STAGED)  # the new result takes its place
-                row = replace(row, replaces=before.replaces or ("" if staged else before.folder))
+                earlier = before.replaces or ("" if staged else before.folder)
+                row = replace(row, replaces=earlier if self.settings.pack or is_shard(earlier) else "")
             self.manifest.add(row)
-        if self.packer is not None:
-            self.packer.add(row)
+        self.packer.add(row)
         self.failures += row.status == "failed"
         self.unwritten = self.unwritten + 1 if row.error_kind == "OutputError" else 0
         self.ready[number] = row

@@ -79,6 +79,24 @@ def test_a_rerun_keeps_shards_and_what_is_done_again_leaves_its_old_one(tmp_path
     assert sorted(chain(*keys(tmp_path / "out").values())) == [row["id"] for row in rows]
 
 
+@pytest.mark.usefixtures("in_this_process")
+def test_what_is_done_again_without_shards_leaves_its_old_one(tmp_path: Path) -> None:
+    """Oracle: the keys of all shards and the folders: each id once, also where the run that did it again was interrupted."""
+    rows = view_rows(6)
+    run(tmp_path, rows, ordered=True)
+    rows[1]["yaw"] = rows[4]["yaw"] = 20
+    interrupted = batch(write_csv(tmp_path / "jobs.csv", rows), tmp_path / "out", **FAST, workers=1)
+    while next(interrupted).id != "v/001":
+        pass
+    interrupted.close()  # type: ignore[attr-defined]
+    run(tmp_path, rows, pack=None)
+    assert keys(tmp_path / "out") == {"000000.tar": ["v/000", "v/002"], "000001.tar": ["v/003", "v/005"]}
+    assert sorted(path.name for path in (tmp_path / "out" / "v").iterdir()) == ["001", "004"]
+    assert all(row.kept for row in run(tmp_path, rows, pack=None))
+    run(tmp_path, rows)
+    assert sorted(chain(*keys(tmp_path / "out").values())) == [row["id"] for row in rows]
+
+
 def test_a_damaged_shard_is_named(tmp_path: Path) -> None:
     """Law: no bare error; the page about the run is written without its pictures, and what to do is said."""
     shard = tmp_path / "shards" / "000000.tar"

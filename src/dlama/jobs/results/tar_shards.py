@@ -38,15 +38,16 @@ class Packer:
 
     output: Output
     manifest: Manifest
-    size: int
+    size: int | None
+    """None: results stay in their folders, and leave the shards of an earlier run."""
     waiting: list[JobResult] = field(default_factory=list)
 
     def add(self, row: JobResult) -> None:
         """A result that lies in no shard, of this run or an earlier one; OutputError where the shard that is full now cannot be
         written."""
-        if row.status == "done" and not is_shard(row.folder):
+        if row.status == "done" and (is_shard(row.replaces) if self.size is None else not is_shard(row.folder)):
             self.waiting.append(row)
-            if len(self.waiting) >= self.size:
+            if len(self.waiting) == self.size:
                 self.pack()
 
     @system_errors(OutputError)
@@ -55,6 +56,11 @@ class Packer:
         if not self.waiting:
             return
         self._remove_replaced()
+        if self.size is None:
+            for row in self.waiting:
+                self.manifest.add(dataclasses.replace(row, replaces=""))
+            self.waiting = []
+            return
         name = f"{FOLDER}/{self._next():06d}.tar"
         for row in self.waiting:  # a run that ends before their last rows leaves this shard to be replaced
             self.manifest.add(dataclasses.replace(row, replaces=name))
