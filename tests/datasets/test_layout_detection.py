@@ -14,6 +14,7 @@ from dlama.datasets.posed.lenses import lens_for
 from dlama.datasets.posed.numbered_frames import numbered_files
 from dlama.datasets.posed.posed_frames import FrameFiles, PosedFrame, posed_frame
 from dlama.datasets.posed.view_pairs import Overlaps, posed_dataset, view_pairs
+from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, InputError
 from posed_folders import LENS, text_K, text_matrix, truth, write_numbered
 
@@ -89,6 +90,20 @@ def test_a_result_is_named_as_one(tmp_path: Path) -> None:
     (tmp_path / "scene.npz").touch()
     with pytest.raises(InputError, match=r"is a result: give .*scene\.npz$"):
         open_dataset(tmp_path)
+
+
+def test_a_result_inside_a_data_set_is_none_of_its_scenes(tmp_path: Path) -> None:
+    """Law: with what `dlama sequence SET -o SET/out` wrote the set is what it was before; results alone are read as one."""
+    for kind in ("7-scenes", "nerfstudio"):
+        root = tmp_path / kind
+        result = marked(root / "out", "nerfstudio")
+        (result / "origin").mkdir()
+        (result / "meta.json").touch()
+        assert detect(root) == "nerfstudio" and detect(result) == "nerfstudio"
+        marked(root / "rooms" / "chess", kind)
+        assert detect(root) == kind
+        scenes = scene_folders(root, LAYOUTS[kind].looks_like, "")
+        assert scenes == {"rooms_chess": root / "rooms" / "chess"}
 
 
 @pytest.mark.parametrize(

@@ -183,8 +183,9 @@ def layout_of(root: Path, layout: str | None) -> str:
     return detect(root) if layout is None else layout
 
 
-def detect(root: Path) -> str:
-    """The name of the layout a folder has; raises InputError that lists what was looked for, SeveralLayoutsError what fits."""
+def detect(root: Path, results: bool = False) -> str:
+    """The name of the layout a folder has; results of ours inside it count where nothing else is there. Raises
+    InputError that lists what was looked for, SeveralLayoutsError what fits."""
     level = [root]
     for _ in range(LEVELS):
         found = [name for name, each in LAYOUTS.items() if any(map(each.looks_like, level))]
@@ -193,7 +194,9 @@ def detect(root: Path) -> str:
         if found:
             return found[0]
         inside = [place for place in level if place.is_dir()]
-        level = [each for folder in inside for each in (*folders_in(folder), *files_in(folder, RECORDINGS))]
+        level = [each for folder in inside for each in (*folders_in(folder, results), *files_in(folder, RECORDINGS))]
+    if not results:
+        return detect(root, True)
     raise _unknown_layout(root)
 
 

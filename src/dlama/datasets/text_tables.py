@@ -21,6 +21,8 @@ NEAREST_S = 0.02
 """Seconds up to which a time stamp belongs to another (as in TUM's own associate.py)."""
 LEVELS = 3
 """A data set is the folder itself, or in its folders, or in theirs (7-Scenes: chess/seq-01)."""
+OF_RESULTS = ("meta.json", "transforms.json", "origin")
+"""What `dlama sequence` writes into every folder of results, and no other data set has together."""
 
 
 @dataclass(frozen=True)
@@ -163,14 +165,16 @@ def scene_folders(
     return {name: by_name[name] for name in sorted(kept, key=natural_order)}
 
 
-def _find_folders(root: Path, holds_frames: Callable[[Path], bool], files: Iterable[str]) -> list[Path]:
-    """The root, folders and files below it that hold frames; none inside another."""
+def _find_folders(
+    root: Path, holds_frames: Callable[[Path], bool], files: Iterable[str], results: bool = False
+) -> list[Path]:
+    """The root, folders and files below it that hold frames; none inside another; results of ours where nothing else does."""
     level, found = [root], []
     for _ in range(LEVELS):
         found += [folder for folder in level if holds_frames(folder)]
         inside = [folder for folder in level if folder not in found and folder.is_dir()]
-        level = [each for folder in inside for each in (*folders_in(folder), *files_in(folder, files))]
-    return found
+        level = [each for folder in inside for each in (*folders_in(folder, results), *files_in(folder, files))]
+    return found if found or results else _find_folders(root, holds_frames, files, True)
 
 
 def _scene_name(root: Path, folder: Path) -> str:
@@ -199,9 +203,10 @@ def check_folder(root: Path) -> None:
     raise FileError(f"{root}: {what}; the folder of a data set is expected{such}")
 
 
-def folders_in(folder: Path) -> list[Path]:
-    """The visible folders right inside."""
-    return [each for each in folder.iterdir() if each.is_dir() and not each.name.startswith(".")]
+def folders_in(folder: Path, results: bool = True) -> list[Path]:
+    """The visible folders right inside; with or without those of which `dlama sequence` wrote the frames."""
+    found = [each for each in folder.iterdir() if each.is_dir() and not each.name.startswith(".")]
+    return [each for each in found if results or not all((each / name).exists() for name in OF_RESULTS)]
 
 
 def files_in(folder: Path, suffixes: Iterable[str]) -> list[Path]:
