@@ -208,6 +208,9 @@ def tables() -> list[Reader]:
     info += b"distortion_coefficients:\n  rows: 1\n  cols: 2\n  data: [0.5, 0]\n"
     matrix = b"projection_matrix:\n  rows: 3\n  cols: 4\n  data: [10, 0, 6, -1.2, 0, 10, 4, 0, 0, 0, 1, 0]\n"
     right = b"image_width: 12\nimage_height: 9\n" + matrix
+    rows = [f"<{name}><data>10 0 6 {x} 0 10 4 0 0 0 1 0</data></{name}>" for name, x in (("P1", 0), ("P2", -1.2))]
+    xml = f'<?xml version="1.0"?><opencv_storage><image_width>12</image_width><image_height>9</image_height>{"".join(rows)}'
+    xml = f"{xml}</opencv_storage>".encode()
     calib = b"cam0=[10 0 6; 0 10 4; 0 0 1]\ncam1=[10 0 6; 0 10 4; 0 0 1]\ndoffs=0\nbaseline=120\nwidth=12\nheight=9\n"
     K = [[10, 0, 6], [0, 10, 4], [0, 0, 1]]
     pair = {"left_K": K, "right_K": K, "baseline_m": 0.1, "doffs": 0, "pixel_center": 0.5, "width": 12, "height": 9}
@@ -237,7 +240,9 @@ def tables() -> list[Reader]:
         Reader("info.yaml", info, read_camera),
         Reader("calib.txt", calib, lambda path: (read_camera(path), read_stereo_calib(path))),
         Reader("pair.json", json.dumps(pair).encode(), read_stereo_calib),
+        Reader("calib.json", json.dumps({"K": K, "baseline_m": 0.1, "width": 12, "height": 9}).encode(), read_stereo_calib),
         Reader("right.yaml", right, read_stereo_calib),
+        Reader("pair.xml", xml, read_stereo_calib),
         Reader("rig.json", json.dumps(rig).encode(), read_rig),
         Reader("unreal.csv", unreal, read_poses),
         Reader("metric.csv", metric, read_poses),
@@ -291,6 +296,7 @@ def arrays() -> list[Reader]:
         Reader("disparity.pfm", made(lambda path: write_disparity_pfm(path, DEPTH), ".pfm"), read_disparity),
         Reader("disparity.png", picture("PNG", codes), read_disparity, summed),
         Reader("mask.png", picture("PNG", mask), read_mask, summed),
+        Reader("mask.npy", npy(mask), read_mask),
         Reader("region.png", picture("PNG", mask), read_region, summed),
         Reader("class.png", picture("PNG", COLOR), lambda path: read_mask(path, mask_class="1,2,3"), summed, "no pixel shows"),
         *(Reader(f"scene.{name}.npz", data, both_scenes, zipped(name, **{k: v for k, v in parts.items() if k != name}))

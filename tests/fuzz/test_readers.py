@@ -35,6 +35,6 @@ def test_every_reader_of_files_is_fuzzed() -> None:
         for node in ast.parse(path.read_text("utf-8")).body
         if isinstance(node, ast.FunctionDef) and node.name.startswith("read_") and "path" in ast.unparse(node.args)
     }
-    inside = "rgbd color_of_camera stored stored_numbers pfm pcd array exr calib_txt yaml_pair"
+    inside = "rgbd color_of_camera stored stored_numbers pfm pcd array exr calib_txt yaml_pair json_pair"
     fields = ("camera_fields", "json_fields", "yaml_fields")
     assert {name for name in public if name not in code} <= {f"read_{name}" for name in (*inside.split(), *fields)}
