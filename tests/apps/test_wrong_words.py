@@ -160,7 +160,9 @@ def test_a_pipe_is_no_file(frame: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_two_masks_of_one_frame_are_refused(tmp_path: Path) -> None:
     """The last one by name was taken without a word (oracle: the files). Hidden ones, as macOS leaves them, are none."""
     (tmp_path / "._b.png").touch()
-    (tmp_path / "b.png").touch()
+    (tmp_path / "a.npy").touch()
+    assert mask_files((), tmp_path) == {"a": tmp_path / "a.npy"}
+    (tmp_path / "b.png").touch()  # next to pictures arrays may be what they were made of
     assert mask_files((), tmp_path) == {"b": tmp_path / "b.png"}
     for name in ("a.jpg", "a.png"):
         (tmp_path / name).touch()

@@ -161,13 +161,13 @@ def read_masks(files: Mapping[str, Path], **how: Any) -> dict[str, BoolArray]:
 
 
 def _masks_in(folder: Path) -> dict[str, Path]:
-    """Name of a frame -> file, of the pictures in a folder. InputError: none."""
+    """Name of a frame -> file, of the pictures in a folder, else of the arrays of NumPy. InputError: none."""
     from dlama.datasets.text_tables import files_in
     from dlama.files.rasters.images import SUFFIXES
 
     if not folder.is_dir():
         raise InputError(f"`masks` is {folder}; a folder of masks with the names of their frames is expected")
-    listed = files_in(folder, SUFFIXES)
+    listed = files_in(folder, SUFFIXES) or files_in(folder, (".npy", ".npz"))
     if not listed:
         raise InputError(f"`masks` is {folder}, which holds no picture")
     found = {path.stem: path for path in listed}
