@@ -176,9 +176,10 @@ def test_mask_polarity_and_tolerance(tmp_path: Path) -> None:
     for values, words in (([0, 0], "is empty"), ([255, 255], "is full"), ([0, 1], "is empty.*largest value is 1")):
         with pytest.raises(MaskError, match=words):
             read_mask(mask_of(tmp_path / "m.png", [values]))
-    cv2.imwrite(str(tmp_path / "m.png"), np.array([[0, 1]], np.uint16))
-    with pytest.raises(MaskError, match="largest value is 1"):
-        read_mask(tmp_path / "m.png")
+    for largest, words in ((1, "largest value is 1"), (600, "is it the depth, and the mask not given")):  # of a near scene
+        cv2.imwrite(str(tmp_path / "m.png"), np.array([[0, largest]], np.uint16))
+        with pytest.raises(MaskError, match=words):
+            read_mask(tmp_path / "m.png")
     path = mask_of(tmp_path / "m.png", [[0, 8, 247, 255]])
     assert read_mask(path).tolist() == [[False, False, True, True]]
     assert read_mask(path, mask_polarity="known").tolist() == [[True, True, False, False]]

@@ -62,7 +62,7 @@ def read_mask(
     if not mask.any():
         hint = ""
         if 0 < largest <= HIGHEST_BLACK:
-            hint = f" (its largest value is {largest} of 255; 255 means remove{_hint_at_labels(path, largest)})"
+            hint = f" (its largest value is {largest} of 255; 255 means remove{_hint_at_kind(path, largest)})"
         kind = MaskError if hint else EmptyMaskError
         raise kind(f"{path}: the mask is empty, nothing is to be removed{hint}; see `mask_polarity`")
     if mask.all():
@@ -154,10 +154,7 @@ def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
     if between.size:
         found = np.unique(between)
         shown = ", ".join(map(str, found[:6])) + (f", ... {found[-1]}" if found.size > 6 else "")
-        hint = _hint_at_labels(path, found[-1]) if found.size <= 6 else ""
-        if _is_deep(path):
-            hint = " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given, or given before it?)"
-            hint += _hint_at_labels(path, found[-1])
+        hint = _hint_at_kind(path, found[-1]) if found.size <= 6 or _is_deep(path) else ""
         raise MaskError(
             f"{path}: {between.size} of {grey.size} pixels are neither black nor white (values {shown}); "
             f"0 and 255 are expected, or `soft_mask`, which takes values above 127 as white{hint}"
@@ -170,10 +167,13 @@ def _is_deep(path: PathLike) -> bool:
     return Path(path).suffix.lower() != ".exr" and _numbers(path).dtype == np.uint16
 
 
-def _hint_at_labels(path: PathLike, value: int) -> str:
-    """What removes the pixels of one value of a map of labels, as segmenters write them."""
-    label = "NUMBER" if _is_deep(path) else f"{value},{value},{value}"
-    return f"; of a map of labels `mask_class={label}` removes one"
+def _hint_at_kind(path: PathLike, value: int) -> str:
+    """That it may be depth, and what removes the pixels of one value of a map of labels, as segmenters write them."""
+    deep, label = "", f"{value},{value},{value}"
+    if _is_deep(path):
+        deep = "; it holds 16-bit numbers, as depth does: is it the depth, and the mask not given, or given before it?"
+        label = "NUMBER"
+    return f"{deep}; of a map of labels `mask_class={label}` removes one"
 
 
 def _class_mask(path: PathLike, mask_class: str) -> BoolArray:
