@@ -176,7 +176,7 @@ def test_mask_polarity_and_tolerance(tmp_path: Path) -> None:
     for values, words in (([0, 0], "is empty"), ([255, 255], "is full"), ([0, 1], "is empty.*largest value is 1")):
         with pytest.raises(MaskError, match=words):
             read_mask(mask_of(tmp_path / "m.png", [values]))
-    for largest, words in ((1, "largest value is 1"), (600, "is it the depth, and the mask not given")):  # of a near scene
+    for largest, words in ((1, "largest value is 1"), (600, "is it the depth, and the mask not given")):
         cv2.imwrite(str(tmp_path / "m.png"), np.array([[0, largest]], np.uint16))
         with pytest.raises(MaskError, match=words):
             read_mask(tmp_path / "m.png")

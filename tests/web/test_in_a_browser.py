@@ -399,7 +399,8 @@ def test_bad_files_are_reported_next_to_their_field(pages: Pages, frame: Path, t
     assert str(tmp_path) not in page.inner_text("body") and ".dlama-draft" not in page.inner_text("body")
     (tmp_path / "a.exe").write_bytes(b"x")
     page.set_input_files("#files", tmp_path / "a.exe")
-    playwright.expect(page.locator("#general")).to_contain_text("a.exe: is no file that this page takes")
+    playwright.expect(page.locator("#general")).to_contain_text("a.exe: is no file that this page takes (.png, ")
+    playwright.expect(page.locator("#general")).to_contain_text(".avif, ")
     (tmp_path / "large.png").write_bytes(bytes(9 * 2**20))
     page.set_input_files("#files", tmp_path / "large.png")
     playwright.expect(page.get_by_text("has 9 MB; up to 8 MB are taken")).to_be_visible()
@@ -507,13 +508,15 @@ def test_a_completion_is_cancelled_and_a_broken_connection_loses_none(pages: Pag
 
 
 def test_loading_again_in_the_middle_loses_nothing(pages: Pages, frame: Path) -> None:
-    """The picture, the marks, the camera, the method and the result are there again."""
+    """The picture, the marks and what was said of the mask, the camera, the method and the result are there again."""
     page = pages.open()
     hand_in(page, frame)
     click(page, 30, 24)
-    playwright.expect(page.locator("#mask-fact")).not_to_be_empty()
+    found = page.locator("#mask-fact")
+    playwright.expect(found).to_contain_text("% of the picture")
+    before = found.inner_text()
     page.reload()
-    page.locator("#marker").wait_for()
+    playwright.expect(found).to_have_text(before)
     playwright.expect(page.locator("#undo")).to_be_enabled()
     playwright.expect(page.locator("#fov")).to_have_value("60")
     slide(page, "yaw", "12")

@@ -119,6 +119,19 @@ def test_a_token_is_asked_for(temporary: Path) -> None:
         server.shutdown()
 
 
+def test_what_was_said_of_picture_and_mask_is_said_again(server: Server, frame: Path) -> None:
+    """To a page that is loaded again (oracle: what was answered first)."""
+    picture = cv2.cvtColor(cv2.imread(str(frame / "image.png")), cv2.COLOR_BGR2BGRA)
+    picture[0, 0, 3] = 0
+    cv2.imwrite(str(frame / "image.png"), picture)
+    page = Page(server)
+    open_frame(page, frame)
+    (warned,) = page.post("read", {"fov": 60})["warnings"]
+    marked = page.post("mark", {"marks": [{"kind": "click", "at": [30, 24]}]})
+    state = page.post("state")
+    assert "alpha is dropped" in warned and state["warnings"] == [warned] and state["marked"] == marked
+
+
 def test_a_port_that_is_taken(server: Server) -> None:
     """One line says which."""
     reported = f"host is 127.0.0.1, port is {server.port}: .*give another host or port"

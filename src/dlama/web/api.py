@@ -78,7 +78,8 @@ def state(visit: Visit, fields: Fields) -> dict[str, Any]:
     files = {role: visit.files[role].name for role in ROLES if role in visit.files}
     answer: dict[str, Any] = {"files": files, "fields": visit.fields}
     if visit.source is not None:
-        answer |= {"source": describe_source(visit), "marks": visit.listed, "masked": visit.mask is not None}
+        answer |= {"source": describe_source(visit), "warnings": visit.warnings}
+        answer |= {"marks": visit.listed, "marked": visit.marked}
     if visit.run is not None and visit.run.state != "cancelled":  # done or failed: the page has not asked since
         answer["run"] = visit.run.progress()
     if visit.result is not None:
@@ -123,7 +124,8 @@ def read(visit: Visit, fields: Fields) -> dict[str, Any]:
     }
     with warnings_of_thread() as warned:
         visit.source = read_source(visit.files, visit.fields)
-    return {**state(visit, fields), "warnings": [use_page_words(hide_paths(text, visit.names())) for text in warned]}
+    visit.warnings = [use_page_words(hide_paths(text, visit.names())) for text in warned]
+    return state(visit, fields)
 
 
 def describe_source(visit: Visit) -> dict[str, Any]:
@@ -176,7 +178,8 @@ def mark(visit: Visit, fields: Fields) -> dict[str, Any]:
     about: dict[str, Any] = {"candidates": [], "chosen": "", "notes": []}
     if found is not None:
         about = {"candidates": list(found.candidates), "chosen": found.chosen, "notes": list(found.notes)}
-    return {"share": float(mask.mean()), **about}
+    visit.marked = {"share": float(mask.mean()), **about}
+    return visit.marked
 
 
 def mask(visit: Visit, fields: Fields) -> Blob:

@@ -63,9 +63,13 @@ class Visit:
     files: dict[str, Upload] = field(default_factory=dict)
     fields: dict[str, Any] = field(default_factory=dict)
     source: Source | None = None
+    warnings: list[str] = field(default_factory=list)
+    """What was warned of when it was read."""
     marks: Marks = field(default_factory=Marks)
     listed: list[Any] = field(default_factory=list)
     """The marks as the page sent them, for a page that is loaded again."""
+    marked: dict[str, Any] | None = None
+    """What was answered to them."""
     found: tuple[Any, dlama.ObjectMask | None] | None = None
     """The clicks and box last looked for, and what they mean."""
     session: dlama.MaskSession | None = None
@@ -100,7 +104,7 @@ class Visit:
         """Everything that came of the uploads."""
         self.stop()
         self.source = self.mask = self.found = self.session = self.result = self.run = None
-        self.marks, self.listed, self.preview = Marks(), [], {}
+        self.marks, self.listed, self.marked, self.preview = Marks(), [], None, {}
 
     def stop(self) -> None:
         """Cancel what is under way."""

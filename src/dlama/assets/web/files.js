@@ -2,7 +2,6 @@
 const ending = (name) => (name.match(/\.[^.]+$/)?.[0] ?? "").toLowerCase();
 const NUMBERS_ONLY = [".exr", ".pfm", ".npy", ".npz", ".pcd"];
 const TEXTS = [".txt", ".json", ".yaml", ".yml", ".xml"];
-const TAKEN = "PNG, JPEG, WebP, TIFF, HEIC; EXR, PFM, NPY, NPZ; JSON, YAML, XML, TXT";
 // Of several texts, those that are called so.
 const isNamed = (file) => TEXTS.includes(ending(file.name)) && /calib|camera|stereo/i.test(file.name);
 
@@ -20,7 +19,7 @@ export function rolesOf(list, have, endings) {
     else if (kind === ".txt") take("calib", file);
     else if (TEXTS.includes(kind)) take(/calib|stereo|right/.test(name) ? "calib" : "camera", file);
     else if (endings.picture.includes(kind)) pictures.push(file);
-    else left.push([file, `is no file that this page takes (${TAKEN})`]);
+    else left.push([file, `is no file that this page takes (${[...new Set(Object.values(endings).flat())].join(", ")})`]);
   }
   for (const file of pictures) {
     const name = file.name.toLowerCase();

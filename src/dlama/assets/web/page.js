@@ -186,14 +186,17 @@ async function findMask() {
     const answer = await server.ask("mark", { marks: sent, with_shadow: $("shadow").checked, candidate: $("candidate").value || "object", grow: Number($("grow").value) })
       .catch((error) => { if (error.status === 400) { marker.refuse(sent); showMarkButtons(); } throw error; });
     marker.accepted = sent;
-    marker.setMask(answer.share > 0 ? await server.bitmap("mask") : null);
-    const notes = answer.notes.length ? `; ${answer.notes.join("; ")}` : "";
-    $("mask-fact").textContent = answer.share > 0 ? `${percent(answer.share)} of the picture${notes}` : "";
-    $("candidate-row").hidden = answer.candidates.length < 2;
-    offer(answer.candidates, "candidate");
-    $("candidate").value = answer.chosen;
+    await showMask(answer);
     askPreview(true);
   }, "marks");
+}
+
+async function showMask({ share, notes, candidates, chosen }) {
+  marker.setMask(share > 0 ? await server.bitmap("mask") : null);
+  $("mask-fact").textContent = share > 0 ? [`${percent(share)} of the picture`, ...notes].join("; ") : "";
+  $("candidate-row").hidden = candidates.length < 2;
+  offer(candidates, "candidate");
+  $("candidate").value = chosen;
 }
 
 for (const input of all('input[name="tool"]')) input.addEventListener("change", () => {
@@ -282,7 +285,7 @@ $("start-over").addEventListener("click", () => server.inTurn(async () => {
   showUploads({});
   noSource();
 }));
-addEventListener("pagehide", () => server.leave({ ...request(), shadow: $("shadow").checked, grow: $("grow").value, candidate: $("candidate").value }));
+addEventListener("pagehide", () => server.leave({ ...request(), shadow: $("shadow").checked, grow: $("grow").value }));
 addEventListener("pageshow", (event) => { if (event.persisted) server.comeBack(); });
 setInterval(() => { if (source) server.ask("alive").catch(() => {}); }, 60000);
 
@@ -293,13 +296,12 @@ function resetOptions() {
 }
 
 // The camera, the method and the options of the mask as they were before the page was loaded again.
-function restore({ pivot, shadow, candidate, ...values }) {
+function restore({ pivot, shadow, ...values }) {
   $("auto-pivot").checked = pivot === "auto";
   if (pivot !== "auto") $("pivot").value = pivot;
   for (const [name, value] of Object.entries(values)) $(name).value = value;
   $("grow").nextElementSibling.textContent = `${values.grow} px`;
   $("shadow").checked = shadow;
-  if (candidate) offer([candidate], "candidate");
   showMove();
 }
 
@@ -318,7 +320,7 @@ async function start(message = "") {
       await showSource(begun.state);
       marker.setMarks(begun.state.marks ?? []);
       showMarkButtons();
-      if (begun.state.masked) marker.setMask(await server.bitmap("mask"));
+      if (begun.state.marked) await showMask(begun.state.marked);
     }, "picture");
     if (begun.state.result) await showResult(begun.state.result);
     if (begun.state.run) await follow().finally(() => setRunning(false));
