@@ -233,10 +233,8 @@ def make_camera(
         )
     for found in check_lens(camera):
         far_from_square = found.check == "pixel-shape" and not 0.5 <= fx / fy <= 2  # an anamorphic lens has 2
-        if far_from_square or found.check in (
-            "intrinsics-size",
-            "focal-length",
-        ):  # K for another size, or as shares of it
+        of_other_picture = found.check in ("intrinsics-size", "focal-length")  # K for another size, or as shares of it
+        if far_from_square or of_other_picture:
             warn(f"{source}: {found.what}: {found.mend}")
     return camera
 
