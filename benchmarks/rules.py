@@ -139,6 +139,17 @@ def _narrow_occluders() -> None:
     _replace("inpainters.layered.filler", "NEARER", np.inf)
 
 
+def _mixed_fills() -> None:
+    """What is filled next to an occluder is seen by other cameras, too."""
+
+    def whole(view: Any) -> Any:
+        return *grid_mesh.mesh_grid(view), view.far
+
+    from dlama.geometry.drawing import grid_mesh
+
+    _replace("geometry.drawing.layers", "mesh_from_elsewhere", whole)
+
+
 def _depth_camera() -> None:
     """What depth edges next to the picture's change: their place, halo, softening, solid planes."""
     _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
@@ -263,5 +274,6 @@ RULES: dict[str, Callable[[], None]] = {
     "seen-past": _seen_past,
     "unlike-frames": _unlike_frames,
     "narrow-occluders": _narrow_occluders,
+    "mixed-fills": _mixed_fills,
 }
 """Name -> what turns the rule off."""

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.codes import HoleType
+from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.grid_mesh import find_joints
 from dlama.geometry.holes import dilate_square
 from dlama.geometry.rendering import MODES, Mode, render
@@ -69,6 +69,29 @@ def test_mixed_pixels_stay_at_home_and_vanish_when_the_camera_moves(share: float
     lands[y[inside].astype(int), x[inside].astype(int)] = True
     assert (lands & view.hole).sum() > 20
     np.testing.assert_array_equal(view.hole_type == HoleType.FLYING, lands & view.hole)
+
+
+@pytest.mark.parametrize("wall", [WALL, None], ids=["wall", "sky"])
+def test_a_fill_beside_an_occluder_is_kept_at_home_and_not_shown_elsewhere(wall: Plane | None) -> None:
+    """Law: what was filled next to a measured box is pink; at home it comes back bit for bit, elsewhere no pixel is pink, whether
+    wall or sky was filled. What was filled next to a filled box stays."""
+    frame, mixed = with_mixed_rim(0.0)
+    depth = frame.depth if wall else np.where(frame.depth < 5, frame.depth, np.float32(np.inf))
+    color = np.where(mixed[..., None], (255, 0, 255), (0, 200, 0)).astype(np.uint8)
+    measured = View.from_rgbd(RGBD(color, depth, SOURCE))
+    hole_type = np.where(frame.depth < 5, HoleType.NONE, HoleType.DISOCCLUDED).astype(np.uint8)
+    origin = np.where(hole_type, Origin.FILLED, measured.origin).astype(np.uint8)
+    target, pink = moved(SOURCE, shift=(0.4, 0.1, 0)), (255, 0, 255)
+
+    def shown(view: View, camera: Camera) -> np.ndarray:
+        return (render(view, camera, close=False).color == pink).all(-1)
+
+    filled = dataclasses.replace(measured, hole_type=hole_type, origin=origin)
+    np.testing.assert_array_equal(render(filled, SOURCE).color, color)
+    np.testing.assert_array_equal(render(filled, SOURCE).depth, depth)
+    assert not shown(filled, target).any() and shown(measured, target).sum() > 20
+    whole = dataclasses.replace(filled, origin=np.full_like(origin, Origin.FILLED))
+    np.testing.assert_array_equal(shown(whole, target), shown(measured, target))
 
 
 @pytest.mark.parametrize("angle_deg", [0, 30, 60, 75, 80, 85])

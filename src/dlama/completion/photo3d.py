@@ -18,13 +18,11 @@ from dlama.completion.start import Plan, describe_depth, plan_for, scene_of
 from dlama.completion.steps import CompletedView, complete_frame, complete_view, frames_to_fill
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
-from dlama.geometry.drawing.grid_mesh import mesh_grid
-from dlama.geometry.drawing.layers import rasterize_surface
+from dlama.geometry.drawing.layers import Surface, rasterize_surface
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.fusion import add_layer
 from dlama.geometry.holes import box_around, larger_box, morphological_open, square
-from dlama.geometry.kernels.drawing.footprints import rim
 from dlama.geometry.layers.edge_layers import continue_under_edges
 from dlama.geometry.layers.head_box import HeadBox
 from dlama.geometry.layers.soft_edges import separate_colors
@@ -33,7 +31,6 @@ from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
 from dlama.inpainters import AUTO
 from dlama.inpainters.filling import Inpainter
 from dlama.progress import Progress, begin_stage, take_progress
@@ -203,26 +200,26 @@ class Unknown:
         for layer in layers:
             view = layer.load()
             view = view.cropped(*box_around(~view.hole, 2))
-            depth, joined = mesh_grid(view)
-            borders = rim(joined, depth)
+            surface = Surface(view)
+            depth, joined, far = surface.parts
             for hole, camera in zip(self.holes, self.small):
                 if hole.any():
                     box = box_around(hole, 0)
                     part = camera.cropped_to(*box)
-                    shown = rasterize_surface(depth, joined, borders, view.camera, part).w > 0
-                    hole[box] &= ~(shown | find_far(view, part))
+                    shown = rasterize_surface(depth, joined, surface.rim, view.camera, part).w > 0
+                    hole[box] &= ~(shown | find_far(far, view.camera, part))
         side = square(max(2, -(-CLOSED // self.step)))
         self.holes = [morphological_open(hole, side) for hole in self.holes]
 
 
-def find_far(layer: View, camera: Camera) -> BoolArray:
-    """H x W: where a camera's picture may show the far pixels of the layer."""
-    if not layer.far.any():
+def find_far(far: BoolArray, source: Camera, camera: Camera) -> BoolArray:
+    """H x W: where a camera's picture may show far pixels of a source's."""
+    if not far.any():
         return np.zeros(camera.hw, bool)
     half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])  # OpenCV's first pixel has its centre at 0
-    matrix = np.linalg.inv(half) @ px_from_px(layer.camera, camera)[0] @ half
+    matrix = np.linalg.inv(half) @ px_from_px(source, camera)[0] @ half
     flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-    return cv2.warpPerspective(layer.far.view(np.uint8), matrix, camera.wh, flags=flags) > 0
+    return cv2.warpPerspective(far.view(np.uint8), matrix, camera.wh, flags=flags) > 0
 
 
 def add_edge_layers(scene: Scene, box: HeadBox) -> Scene:

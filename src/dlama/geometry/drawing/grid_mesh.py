@@ -10,7 +10,7 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin, has_code
 from dlama.geometry.depth_noise import LINES, REACH, noise_of_lines, noise_to_average
-from dlama.geometry.drawing.picture_edges import align_edges, behind_edges, edge_ratio
+from dlama.geometry.drawing.picture_edges import JUMP, align_edges, behind_edges, edge_ratio
 from dlama.geometry.frames.stored import Layer
 from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels import depth_edges as edges
@@ -115,3 +115,33 @@ def close_grid(view: View, removals: tuple[Layer, ...]) -> tuple[Float32Array, U
     horizon = 100 * float(np.where(depth < np.inf, depth, np.float32(0)).max()) or 1e4
     depth = np.minimum(depth, np.float32(horizon))
     return fill_with_nearest(depth, depth > 0), rank
+
+
+SIDES = ((edges.RIGHT, np.s_[:, :-1], np.s_[:, 1:]), (edges.DOWN, np.s_[:-1], np.s_[1:]))
+"""Bits of joints, and the pixels that they join."""
+
+
+def find_mixed_fills(view: View) -> Joints:
+    """What was filled next to something nearer that was not (`flying`), and which neighbours are joined without it: the nearer
+    colour is mixed into it, as it is at the edges of a picture, and another camera would see that in the background."""
+    (depth, joined), filled = mesh_grid(view), view.origin == Origin.FILLED.value
+    mixed, w = np.zeros(depth.shape, np.bool_), inverse_depth(depth)
+    for bit, first, second in SIDES:
+        apart = (joined[first] & bit) == 0
+        mixed[first] |= apart & ~filled[second] & (w[second] - w[first] > JUMP * w[second])
+        mixed[second] |= apart & ~filled[first] & (w[first] - w[second] > JUMP * w[first])
+    mixed &= filled & (view.hole_type != HoleType.NONE.value) & ~view.hole
+    joined = joined * ~mixed
+    for bit, first, second in SIDES:
+        joined[first] &= ~(np.uint8(bit) * mixed[second])
+    return Joints(mixed, joined)
+
+
+def mesh_from_elsewhere(view: View) -> tuple[Float32Array, UInt8Array, BoolArray]:
+    """What other cameras see of a view: depth and joints (`mesh_grid`) and far pixels (H x W), without `find_mixed_fills`."""
+    depth, joined = mesh_grid(view)
+    if Origin.FILLED not in view.origins:
+        return depth, joined, view.far
+    mixed, joined = view.find_once(find_mixed_fills)
+    depth[mixed] = 0
+    return depth, joined, view.far & ~mixed

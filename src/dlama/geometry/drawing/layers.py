@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.grid_mesh import mesh_grid, smooth_noise
+from dlama.geometry.drawing.grid_mesh import mesh_from_elsewhere, smooth_noise
 from dlama.geometry.holes import dilate_square
 from dlama.geometry.kernels.drawing import rasterize as raster
 from dlama.geometry.kernels.drawing import shading
@@ -43,9 +43,14 @@ class Surface:
     layer: View
 
     @cached_property
+    def parts(self) -> tuple[Float32Array, UInt8Array, BoolArray]:
+        """What other cameras see of it: its depth, which neighbours are joined, and its far pixels."""
+        return mesh_from_elsewhere(self.layer)
+
+    @property
     def mesh(self) -> tuple[Float32Array, UInt8Array]:
-        """Its depth, and which neighbours are joined (`mesh_grid`)."""
-        return mesh_grid(self.layer)
+        """Its depth, and which neighbours are joined."""
+        return self.parts[:2]
 
     @cached_property
     def drawn_depth(self) -> Float32Array:
@@ -231,6 +236,7 @@ def draw_far(grid: Grid, canvas: Canvas) -> None:
         canvas.copy_where(layer, far & (canvas.depth == 0))
         return
     matrix, _ = px_from_px(layer.camera, camera)
+    far = grid.surface.parts[2]
     sky, band = shading.Sky(far, far_blocks(far, grid.fine)), light_band(camera.width)
     in_bands(shading.shade_far, camera.height, matrix, sky, grid.knots, grid.pixels, canvas, band=band)
 
