@@ -22,13 +22,13 @@ THING = np.s_[50:80, 60:100]
 NOTHING = Law(())
 
 
-def ground_without_object(*shadows: tuple[slice, slice]) -> tuple[View, np.ndarray]:
-    """A floor of one grey of which a box is a hole, darker under the given shadows; and which of it is dark."""
+def ground_without_object(*shadows: tuple[slice, slice], grey: int = DARK) -> tuple[View, np.ndarray]:
+    """A floor of one grey of which a box is a hole, darker (grey) under the given shadows; and which of it is dark."""
     world = World((Plane((0, 0, 4), (0, 0.5, -1)),)).rgbd(CAMERA)
     dark = np.zeros(CAMERA.hw, bool)
     for shadow in shadows:
         dark[shadow] = True
-    grey = np.where(dark, DARK, LIT) + np.random.default_rng(0).integers(-4, 5, CAMERA.hw)
+    grey = np.where(dark, grey, LIT) + np.random.default_rng(0).integers(-4, 5, CAMERA.hw)
     color = np.repeat(grey[..., None], 3, 2).astype(np.uint8)
     view = View.from_rgbd(RGBD(color, world.depth, CAMERA))
     hole = np.zeros(CAMERA.hw, bool)
@@ -53,6 +53,14 @@ def test_a_shadow_next_to_the_object_is_found() -> None:
     assert not find_remaining_shadow(ground_without_object(*tiles, NEXT_TO)[0], label, NOTHING).any()
     other = view.without(view.hole, HoleType.DISOCCLUDED)
     assert not find_remaining_shadow(other, label, NOTHING).any()
+
+
+def test_black_is_no_shadow() -> None:
+    """Law: a shadow keeps a share of the light, so what has a hundredth of it is painted black, as a screen and its frame are;
+    a seventh of the light (8-bit values by gamma 2.2) is a shadow still."""
+    for light, found in ((1 / 7, True), (1 / 100, False)):
+        view, dark = ground_without_object(NEXT_TO, grey=round(LIT * light ** (1 / 2.2)))
+        assert find_remaining_shadow(view, np.ones(CAMERA.hw, np.int8), NOTHING)[dark].any() == found
 
 
 def test_what_lies_far_behind_the_object_or_in_estimated_depth_is_no_shadow() -> None:

@@ -27,6 +27,8 @@ from dlama.perception.shadows.lit_surface import log_luma, quadratic, robust_fit
 
 GRID = 256
 """Longer side of the coarse picture in which shadows are searched."""
+DARKEST = 1.2
+"""Natural logarithm of how much darker a shadow is, in 8-bit values, at most: a fifteenth of the light is left."""
 
 
 def find_remaining_shadow(view: View, label: NDArray[np.int8], law: Law) -> BoolArray:
@@ -90,4 +92,4 @@ def find_shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Arr
     darker = morphological_open(near & (dark > core / 2), square(3))
     number = cv2.connectedComponents(darker.astype(np.uint8), connectivity=4)[1]
     adjacent = np.unique(number[near & (distance <= 2) & (dark > core)])
-    return np.isin(number, adjacent[adjacent > 0])
+    return np.isin(number, [one for one in adjacent if one and np.median(dark[number == one]) <= DARKEST])
