@@ -12,12 +12,14 @@ import resource
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 import dlama
+from dlama.datasets.frames import ViewTruth
+from dlama.datasets.layouts import open_dataset
 from dlama.evaluation.metrics.lpips import lpips
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 
@@ -40,15 +42,16 @@ def world_jobs(count: int, cameras: int) -> Iterator[tuple[str, dlama.RGBD, dlam
         yield f"world {seed}", source, photo, [made.frame(camera) for camera in photo.box.sample(cameras)]
 
 
+def street_truths(folder: Path, scene: str, yaws: Iterable[int]) -> list[ViewTruth]:
+    """The scene at yaw 0 with its truth at other ones, in degrees."""
+    cases = {case.yaw: case for case in open_dataset(folder / scene).cases if case.protocol == "vpi"}
+    return [cases[yaw].load() for yaw in yaws]
+
+
 def street_jobs(folder: Path) -> Iterator[tuple[str, dlama.RGBD, dlama.Photo3D, list[dlama.RGBD]]]:
     """The scenes at yaw 0, and their truth at +-10 degrees about 2.5 m, which the box is made to hold."""
-    from dlama.datasets.layouts import open_dataset
-
     for scene in SCENES:
-        cases = [
-            case for case in open_dataset(folder / scene).cases if case.protocol == "vpi" and abs(case.yaw or 0) == 10
-        ]
-        truths = [case.load() for case in cases]
+        truths = street_truths(folder, scene, (-10, 10))
         source = truths[0].source
         yield scene, source, dlama.photo3d(source, angle=10.0), [truth.target for truth in truths]
 

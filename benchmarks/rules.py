@@ -141,13 +141,9 @@ def _narrow_occluders() -> None:
 
 def _mixed_fills() -> None:
     """What is filled next to an occluder is seen by other cameras, too."""
+    from dlama.geometry.drawing.grid_mesh import Seen, mesh_grid
 
-    def whole(view: Any) -> Any:
-        return *grid_mesh.mesh_grid(view), view.far
-
-    from dlama.geometry.drawing import grid_mesh
-
-    _replace("geometry.drawing.layers", "mesh_from_elsewhere", whole)
+    _replace("geometry.drawing.layers", "seen_from_elsewhere", lambda view: Seen(*mesh_grid(view), view.far))
 
 
 def _depth_camera() -> None:

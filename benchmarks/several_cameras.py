@@ -16,7 +16,8 @@ import numpy as np
 
 import dlama
 from dlama.geometry.codes import HoleType
-from photo3d import SCENES, scores
+from dlama.worlds.dataset import world
+from photo3d import SCENES, scores, street_truths
 from rules import without
 
 YAWS = (4.0, 8.0, 12.0, -8.0)
@@ -25,8 +26,6 @@ TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW)
 
 def world_jobs(first: int, last: int) -> Iterator[tuple[dlama.RGBD, list[dlama.RGBD]]]:
     """A source of each world, and the truth of its cameras."""
-    from dlama.worlds.dataset import world
-
     for seed in range(first, last):
         made = world(seed)
         source = made.frame(made.camera())
@@ -35,13 +34,10 @@ def world_jobs(first: int, last: int) -> Iterator[tuple[dlama.RGBD, list[dlama.R
 
 def street_jobs(folder: Path) -> Iterator[tuple[dlama.RGBD, list[dlama.RGBD]]]:
     """The scenes at yaw 0, and their truth to the right and to the left."""
-    from dlama.datasets.layouts import open_dataset
-
     for scene in SCENES:
-        cases = {case.yaw: case for case in open_dataset(folder / scene).cases if case.protocol == "vpi"}
         for side in (1, -1):
-            loaded = [cases[side * yaw].load() for yaw in (10, 20, 30, 40)]
-            yield loaded[0].source, [case.target for case in loaded]
+            truths = street_truths(folder, scene, range(10 * side, 50 * side, 10 * side))
+            yield truths[0].source, [truth.target for truth in truths]
 
 
 def compare(jobs: Iterator[tuple[dlama.RGBD, list[dlama.RGBD]]], rule: str) -> None:
@@ -50,7 +46,7 @@ def compare(jobs: Iterator[tuple[dlama.RGBD, list[dlama.RGBD]]], rule: str) -> N
     for source, truths in jobs:
         with without(rule):
             together = dlama.complete(source, [truth.camera for truth in truths])
-        for at, (view, truth) in enumerate(zip(together.views, truths)):
+        for at, (view, truth) in enumerate(zip(together.views[1:], truths[1:]), 2):  # the first is alone
             alone = dlama.complete(source, [truth.camera])
             for code in TYPES:
                 region = alone.warped[0].hole_type == code.value
@@ -60,7 +56,7 @@ def compare(jobs: Iterator[tuple[dlama.RGBD, list[dlama.RGBD]]], rule: str) -> N
     for (name, at), cases in sorted(rows.items()):
         mean = np.mean(cases, 0)
         change = mean[:2] / mean[2:] - 1
-        print(f"{name}, camera {at + 1}, {len(cases)} scenes: LPIPS {mean[0]:.4f} ({change[0]:+.1%}), ", end="")
+        print(f"{name}, camera {at}, {len(cases)} scenes: LPIPS {mean[0]:.4f} ({change[0]:+.1%}), ", end="")
         print(f"MSE {mean[1]:.0f} ({change[1]:+.1%})")
 
 

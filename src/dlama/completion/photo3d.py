@@ -201,7 +201,7 @@ class Unknown:
             view = layer.load()
             view = view.cropped(*box_around(~view.hole, 2))
             surface = Surface(view)
-            depth, joined, far = surface.parts
+            depth, joined, far = surface.seen
             for hole, camera in zip(self.holes, self.small):
                 if hole.any():
                     box = box_around(hole, 0)

@@ -69,7 +69,7 @@ def render(
     """The scene from `camera`. Holes have colour 0, depth 0 and a HoleType.
 
     At a layer's own camera its pixels come back bit for bit. Every other camera, of another lens too, rejects flying pixels, and
-    what was filled next to an occluder (`mesh_from_elsewhere`). The frames of a scene of many are merged pixel by pixel
+    what was filled next to an occluder (`find_mixed_fills`). The frames of a scene of many are merged pixel by pixel
     (`dlama.geometry.frames.merging`); what was filled is drawn on top of them, where nothing was measured in front.
 
     Args:

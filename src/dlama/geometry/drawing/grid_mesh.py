@@ -121,8 +121,18 @@ SIDES = ((edges.RIGHT, np.s_[:, :-1], np.s_[:, 1:]), (edges.DOWN, np.s_[:-1], np
 """Bits of joints, and the pixels that they join."""
 
 
-def find_mixed_fills(view: View) -> Joints:
-    """What was filled next to something nearer that was not (`flying`), and which neighbours are joined without it: the nearer
+class Seen(NamedTuple):
+    """What other cameras see of a view, H x W each."""
+
+    depth: Float32Array
+    """Metres, 0 = nothing."""
+    joined: UInt8Array
+    """`join_neighbours`."""
+    far: BoolArray
+
+
+def find_mixed_fills(view: View) -> tuple[BoolArray, UInt8Array]:
+    """What was filled next to something nearer that was not (H x W), and which neighbours are joined without it: the nearer
     colour is mixed into it, as it is at the edges of a picture, and another camera would see that in the background."""
     (depth, joined), filled = mesh_grid(view), view.origin == Origin.FILLED.value
     mixed, w = np.zeros(depth.shape, np.bool_), inverse_depth(depth)
@@ -134,14 +144,14 @@ def find_mixed_fills(view: View) -> Joints:
     joined = joined * ~mixed
     for bit, first, second in SIDES:
         joined[first] &= ~(np.uint8(bit) * mixed[second])
-    return Joints(mixed, joined)
+    return mixed, joined
 
 
-def mesh_from_elsewhere(view: View) -> tuple[Float32Array, UInt8Array, BoolArray]:
-    """What other cameras see of a view: depth and joints (`mesh_grid`) and far pixels (H x W), without `find_mixed_fills`."""
+def seen_from_elsewhere(view: View) -> Seen:
+    """The depth and joints of `mesh_grid` and the far pixels, without `find_mixed_fills`."""
     depth, joined = mesh_grid(view)
     if Origin.FILLED not in view.origins:
-        return depth, joined, view.far
+        return Seen(depth, joined, view.far)
     mixed, joined = view.find_once(find_mixed_fills)
     depth[mixed] = 0
-    return depth, joined, view.far & ~mixed
+    return Seen(depth, joined, view.far & ~mixed)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Camera
 from dlama.geometry.codes import HoleType, Origin
 from dlama.geometry.drawing.canvas import Canvas
-from dlama.geometry.drawing.grid_mesh import mesh_from_elsewhere, smooth_noise
+from dlama.geometry.drawing.grid_mesh import Seen, seen_from_elsewhere, smooth_noise
 from dlama.geometry.holes import dilate_square
 from dlama.geometry.kernels.drawing import rasterize as raster
 from dlama.geometry.kernels.drawing import shading
@@ -43,19 +43,14 @@ class Surface:
     layer: View
 
     @cached_property
-    def parts(self) -> tuple[Float32Array, UInt8Array, BoolArray]:
-        """What other cameras see of it: its depth, which neighbours are joined, and its far pixels."""
-        return mesh_from_elsewhere(self.layer)
-
-    @property
-    def mesh(self) -> tuple[Float32Array, UInt8Array]:
-        """Its depth, and which neighbours are joined."""
-        return self.parts[:2]
+    def seen(self) -> Seen:
+        """What other cameras see of it."""
+        return seen_from_elsewhere(self.layer)
 
     @cached_property
     def drawn_depth(self) -> Float32Array:
-        """The mesh's depth without noise (`smooth_noise`), as other cameras see it."""
-        return smooth_noise(self.layer, self.mesh[0])
+        """Its depth without noise (`smooth_noise`), as other cameras see it."""
+        return smooth_noise(self.layer, self.seen.depth)
 
     @cached_property
     def knots(self) -> Float32Array:
@@ -65,13 +60,12 @@ class Surface:
     @cached_property
     def rim(self) -> NDArray[np.int64]:
         """As `footprints.rim`."""
-        depth, joined = self.mesh
-        return rim(joined, depth)
+        return rim(self.seen.joined, self.seen.depth)
 
     @cached_property
     def smooth(self) -> UInt8Array:
         """Where colours are read by splines (`sampling.smooth_quads`)."""
-        return smooth_quads(self.mesh[1])
+        return smooth_quads(self.seen.joined)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +153,7 @@ def draw(grid: Grid, canvas: Canvas, count: NDArray[np.int32] = ALL) -> Canvas:
         paste(view.color, view.depth_hole, canvas.color)  # of a sensor hole the colour, but no depth
         paste(view.origin, view.depth_hole, canvas.origin)
     elif grid.mode == "points":
-        x, y, w, _ = (plane.ravel() for plane in transform_depth(grid.surface.mesh[0], grid.way))
+        x, y, w, _ = (plane.ravel() for plane in transform_depth(grid.surface.seen.depth, grid.way))
         with np.errstate(divide="ignore"):  # where there is nothing
             depth = np.float32(1) / w
         draw_points(grid.pixels._replace(depth=depth), x, y, w, canvas)
@@ -203,7 +197,7 @@ def draw_points(points: shading.Planes, x: np.ndarray, y: np.ndarray, w: Float32
 def draw_as_surface(grid: Grid, canvas: Canvas, count: NDArray[np.int32]) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, grid.camera.height
-    depth, joined = grid.surface.drawn_depth, grid.surface.mesh[1]
+    depth, joined = grid.surface.drawn_depth, grid.surface.seen.joined
     drawn = rasterize_surface(depth, joined, grid.surface.rim, layer.camera, grid.camera, count)
     smooth = grid.surface.smooth if grid.fine else np.zeros_like(joined)
     colors = MeshColors(joined, smooth, layer.color, grid.knots)
@@ -229,14 +223,14 @@ def rasterize_surface(
 
 def draw_far(grid: Grid, canvas: Canvas) -> None:
     """The layer's far pixels (sky) behind everything drawn so far."""
-    layer, camera, far = grid.layer, grid.camera, grid.layer.far
+    layer, camera = grid.layer, grid.camera
+    far = layer.far if grid.own_camera else grid.surface.seen.far
     if not far.any():
         return
     if grid.own_camera:
         canvas.copy_where(layer, far & (canvas.depth == 0))
         return
     matrix, _ = px_from_px(layer.camera, camera)
-    far = grid.surface.parts[2]
     sky, band = shading.Sky(far, far_blocks(far, grid.fine)), light_band(camera.width)
     in_bands(shading.shade_far, camera.height, matrix, sky, grid.knots, grid.pixels, canvas, band=band)
 

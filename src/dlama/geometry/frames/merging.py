@@ -120,7 +120,7 @@ def nearest_depth_around(view: View) -> Float32Array:
 @keep_latest
 def confidence_margin(frame: View, mode: Mode) -> Float32Array:
     """H x W distance in px to the picture's border, the next pixel without depth and, of surfaces, the next depth edge."""
-    depth, joined = surface_of(frame).mesh
+    depth, joined, _ = surface_of(frame).seen
     inside = depth > 0
     if mode == "surface":
         inside[:, :-1] &= (joined[:, :-1] & RIGHT) > 0

@@ -28,7 +28,7 @@ from dlama.perception.shadows.lit_surface import log_luma, quadratic, robust_fit
 GRID = 256
 """Longer side of the coarse picture in which shadows are searched."""
 DARKEST = 1.2
-"""Natural logarithm of how much darker a shadow is, in 8-bit values, at most: a fifteenth of the light is left."""
+"""Natural logarithm of how much darker a shadow is, in 8-bit values, at most: a fourteenth of the light is left."""
 
 
 def find_remaining_shadow(view: View, label: NDArray[np.int8], law: Law) -> BoolArray:
